@@ -6,16 +6,15 @@ import torch
 from torch import nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.config import CONF, Config
-from tex_lightning.config.composition import compose_config
-from tex_lightning.config.weights import read_config
+from tex_lightning.config import Config
+from tex_lightning.config.composition import compose_config, read_config
 from tex_lightning.studies.dataset import configured_card
 
 
 @cache
 def configured(*overrides: str) -> Config:
     """Return the configuration as a command line composes it; it is shared and stays as it is."""
-    return read_config(compose_config(CONF, overrides))
+    return read_config(compose_config(overrides))
 
 
 def make_classifier(*overrides: str, classes: int = 16) -> SurfaceClassifier:

@@ -104,7 +104,7 @@ def trunk_rows() -> list[list[str]]:
     """Geometry of VisualNet on each option of ``trunk=``, at full width."""
     rows = []
     for path in sorted((CONF / "trunk").glob("*.yaml")):
-        visual = compose_config(CONF, ["model=visual", f"trunk={path.stem}"]).model.visual
+        visual = compose_config(["model=visual", f"trunk={path.stem}"]).model.visual
         with torch.device("meta"):
             trunk = get_class(visual.trunk._target_)(width=1.0, norm=visual.norm)
             network = tl.VisualNet(CLASSES, trunk, head=visual.head)

@@ -5,19 +5,19 @@ import textwrap
 
 from omegaconf import DictConfig, OmegaConf
 
-from tex_lightning.config import CONF, Config
+from tex_lightning.config import Config
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.keys import Key, plain, walk
 from tex_lightning.report.table import markdown
 
-HEADINGS = ("key", "meaning", "unit, range or choices", "default")
+HEADINGS = ("key", "meaning", "choices or range, unit", "default")
 WIDTH = 60  # of a default
 MODELS = ("fusion", "sound")  # whose sections the default configuration leaves out
 
 
 def reference() -> str:
     """Return a heading and a table in Markdown for each section of the configuration."""
-    configs = [compose_config(CONF, []), *(compose_config(CONF, [f"model={m}"]) for m in MODELS)]
+    configs = [compose_config([]), *(compose_config([f"model={m}"]) for m in MODELS)]
     sections: dict[str, list[list[str]]] = {}
     for name, key in walk(Config):
         section = name.rpartition(".")[0]
@@ -30,7 +30,7 @@ def reference() -> str:
 
 def _row(name: str, key: Key, configs: list[DictConfig]) -> list[str]:
     choices = ", ".join(f"`{choice}`" for choice in key.choices)
-    limits = ", ".join(filter(None, [key.unit, key.range, choices]))
+    limits = " ".join(filter(None, [choices, key.range, key.unit]))
     default = next(filter(None, (_default(config, name) for config in configs)), "")
     return [f"`{name}`", key.meaning, limits, f"`{default}`" if default else ""]
 

@@ -25,9 +25,7 @@ from second_device import chosen
 from tex_lightning.__main__ import main
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_state
-from tex_lightning.config import CONF
-from tex_lightning.config.composition import compose_config
-from tex_lightning.config.weights import read_config
+from tex_lightning.config.composition import compose_config, read_config
 from tex_lightning.networks.trunks import TRUNKS
 from tex_lightning.networks.visualnet import VisualNet
 
@@ -273,7 +271,7 @@ def swept(run_once, tiny) -> Path:
 @functools.cache
 def sense_node(sense: str) -> dict[str, Any]:
     """What a card says of a branch by default."""
-    return read_config(compose_config(CONF)).model.sense(sense).node
+    return read_config(compose_config()).model.sense(sense).node
 
 
 def make_card(

@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 import soundfile
 from conftest import make_photo, make_trace
-from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from PIL import Image
 
-from tex_lightning.config import CONF, register
+from tex_lightning.config.composition import compose_config
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
 
@@ -22,10 +21,7 @@ Array = np.ndarray
 
 def read(*overrides: str, modalities: list[str] | None = None) -> Recordings:
     """The table of a data set as the command line configures it."""
-    register()
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        config = OmegaConf.to_object(compose("config", overrides=list(overrides)))
-    return read_recordings(config.data, modalities)
+    return read_recordings(OmegaConf.to_object(compose_config(overrides).data), modalities)
 
 
 def tone(kind: int, rate: int, seconds: float, seed: int, axes: int = 1) -> Array:

@@ -12,9 +12,6 @@ from functools import partial
 from typing import Any
 
 import torch
-from lightning import Trainer
-from lightning.pytorch.accelerators import Accelerator
-from lightning.pytorch.strategies import SingleDeviceStrategy
 from torch.utils._python_dispatch import return_and_correct_aliasing
 from torch.utils._pytree import tree_leaves, tree_map_only
 from torch.utils.backend_registration import (
@@ -132,39 +129,6 @@ class Module(_DummyBackendModule):
         pass
 
 
-class SecondAccelerator(Accelerator):
-    """What Lightning has to know of it."""
-
-    def setup_device(self, device: torch.device) -> None:
-        pass
-
-    def teardown(self) -> None:
-        pass
-
-    @staticmethod
-    def parse_devices(devices: Any) -> Any:
-        return devices
-
-    @staticmethod
-    def get_parallel_devices(devices: Any) -> list[torch.device]:
-        return [torch.device(NAME, 0)]
-
-    @staticmethod
-    def auto_device_count() -> int:
-        return 1
-
-    @staticmethod
-    def is_available() -> bool:
-        return True
-
-    @staticmethod
-    def name() -> str:
-        return NAME
-
-    def get_device_stats(self, device: Any) -> dict[str, Any]:
-        return {}
-
-
 _library: list[torch.library.Library] = []  # registered as long as it lives
 
 
@@ -193,7 +157,6 @@ def chosen() -> Iterator[torch.device]:
     import pytest
 
     from tex_lightning.core import devices
-    from tex_lightning.learning import trainer
 
     pick = devices.pick_device
     if (real := pick("auto")).type != "cpu":
@@ -201,13 +164,8 @@ def chosen() -> Iterator[torch.device]:
         return
     device = register()
 
-    def make_trainer(**flags: Any) -> Trainer:
-        flags |= {"accelerator": SecondAccelerator(), "strategy": SingleDeviceStrategy(device)}
-        return Trainer(**flags)
-
     with pytest.MonkeyPatch.context() as patch:
         for name, module in list(sys.modules.items()):
             if name.startswith("tex_lightning") and getattr(module, "pick_device", None) is pick:
                 patch.setattr(module, "pick_device", lambda _: device)
-        patch.setattr(trainer, "Trainer", make_trainer)
         yield device

@@ -1,6 +1,6 @@
 import pickle
 
-from tex_lightning.errors import SHOWN, UserError, listed, printable, reason, shorten
+from tex_lightning.errors import SHOWN, UserError, listed, reason, shorten
 
 
 def test_names_in_messages_are_short_and_few():
@@ -14,10 +14,6 @@ def test_what_a_library_says_stands_inside_a_sentence():
     assert reason(ValueError("Bad header.\n  No 'data' chunk.")) == "Bad header; No 'data' chunk"
     assert reason(MemoryError()) == "MemoryError"
     assert len(reason("x" * 10_000)) < SHOWN + 50
-
-
-def test_a_name_cannot_steer_the_terminal():
-    assert printable("a\x1b[31m.wav\nnext \udce9") == "a\\x1b[31m.wav\\nnext \\udce9"
 
 
 def test_each_line_of_a_mistake_is_one_whatever_names_hold():

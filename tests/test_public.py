@@ -33,12 +33,21 @@ def _inside(user_folder, cache, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(cache))
 
 
-def test_importing_the_package_imports_no_pytorch():
-    code = (
-        "import sys, tex_lightning as tl; assert not {'torch', 'hydra'} & {*sys.modules}; "
-        "assert {*tl.__all__} <= {*dir(tl)}; tl.UserError"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
+LAZY = """
+import sys, tex_lightning as tl
+assert not {"torch", "hydra"} & {*sys.modules}
+assert {*tl.__all__} <= {*dir(tl)}
+from tex_lightning.__main__ import main
+sys.argv[1:] = ["--help=all"]
+main()
+assert not {"torch", "lightning"} & {*sys.modules}
+import tex_lightning.tasks.predict
+assert not {"lightning", "matplotlib", "torch._dynamo"} & {*sys.modules}
+"""
+
+
+def test_what_is_slow_to_import_is_imported_when_it_is_asked_for():
+    subprocess.run([sys.executable, "-c", LAZY], check=True, stdout=subprocess.DEVNULL)
     with pytest.raises(AttributeError, match="no attribute 'laod'"):
         _ = tl.laod
 

@@ -1,4 +1,4 @@
-"""The README's commands are the ones that continuous integration runs; it is short."""
+"""The README's commands are the ones that continuous integration runs."""
 
 import re
 
@@ -25,15 +25,6 @@ def test_the_commands_are_those_of_ci():
     assert LINT in makefile
     rules = re.findall(r"^(\w+):$", makefile, re.MULTILINE)
     assert rules == ["install", "run", "test", "lint", "docs"]
-
-
-def test_the_readme_is_short_and_has_the_table_of_the_start_page():
-    readme = (ROOT / "README.md").read_text()
-    start = (ROOT / "docs" / "index.md").read_text()
-    assert len(readme.splitlines()) <= 120
-    table = re.search(r"\| you want to .*?\n\n", start, re.DOTALL)[0]
-    assert table.count("](") == 8
-    assert table.replace("](", "](docs/") in readme
 
 
 def test_versions_agree():

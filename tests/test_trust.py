@@ -19,7 +19,6 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_state
 from tex_lightning.config import CONF
 from tex_lightning.config.instantiation import CLASSES, named_classes, trust
-from tex_lightning.networks.archives import SizeLimit
 
 CARD = make_card("haptic", classes=["a", "b"], width=0.1)
 PLAN = {"fit": {"head_factor": 1.0}, "seed": 0, "pieces": {"haptic": 200}}
@@ -52,10 +51,8 @@ def write(folder: Path, changes: dict[str, object], **more: object) -> Path:
 @pytest.mark.parametrize(
     ("key", "nested"),
     [
-        ("senses.haptic.anything", True),
         ("senses.haptic.modality", False),
         ("senses.haptic.decode.channels", False),
-        ("senses.haptic.features.skip_impact", False),
         ("senses.haptic.network.dropout", True),
     ],
 )
@@ -79,13 +76,11 @@ def test_an_interpolation_in_a_card_is_refused_and_runs_nothing(
         ("senses.haptic.anything", "${data.root}", r"holds values without \$\{"),
         ("senses.haptic._partial_", True, "has the key _partial_"),
         ("senses.haptic.network._args_", [1], "has the key _args_"),
-        ("senses.haptic.features._recursive_", False, "has the key _recursive_"),
         ("senses.haptic.anything", {"_convert_": "all"}, "has the key _convert_"),
         ("senses.haptic.anything", torch.ones(1), "of Tensor, which is no plain value"),
         ("senses.haptic.network.size", 3, "no key model.haptic.network.size"),
         ("senses.haptic._target_", "torch.nn.Linear", "torch is not trusted"),
         ("senses.haptic.network._target_", "os.system", "os is not trusted"),
-        ("senses.haptic.network._target_", "numpy.testing.measure", "numpy is not trusted"),
         ("senses.haptic.anything", [{"_target_": "os.system"}], "os is not trusted"),
         ("senses.haptic.network._target_", 3, "package 3 is not trusted"),
         (
@@ -150,29 +145,13 @@ def test_an_estimator_that_calls_a_function_is_refused_and_runs_nothing(
     assert not (tmp_path / "ran").exists()
 
 
-def test_settings_of_a_baseline_are_plain_values_too(naive_bayes, tmp_path):
-    changes = [
-        ({"filters": attack(tmp_path / "ran")}, "without"),
-        ({"filters": "many"}, "model.baseline fails"),
-        ({"_target_": "subprocess.Popen", "args": ["true"]}, "subprocess is not trusted"),
-        ({"_args_": [1]}, "_args_"),
-    ]
-    for change, said in changes:
-        with pytest.raises(tl.UserError, match=said):
-            tl.load(forged(naive_bayes, tmp_path, **change))
-    assert not (tmp_path / "ran").exists()
-
-
 @pytest.mark.parametrize(
     "estimator",
     [
-        FunctionTransformer(),
         np.testing.measure,
         GaussianNB,
         make_pipeline(FunctionTransformer(np.sin), GaussianNB()),
-        {"key": np.random.default_rng(0)},
         [GaussianNB().fit],
-        np.ma.masked_array([1.0]),
     ],
     ids=lambda each: type(each).__name__,
 )
@@ -183,18 +162,10 @@ def test_only_the_listed_types_are_read_and_written(estimator):
             refused()
 
 
-def test_a_baseline_of_ones_own_names_further_classes():
-    more = ["sklearn.preprocessing._function_transformer.FunctionTransformer"]
-    assert isinstance(load_estimator(dump_estimator(FunctionTransformer(), more), more), object)
-    with pytest.raises(tl.UserError, match=r"numpy\.sin"):  # but no function
-        dump_estimator(FunctionTransformer(np.sin), more)
-
-
 @pytest.mark.parametrize(
     ("key", "value", "said"),
     [
         ("senses.haptic.decode.sampling_rate", 1e9, "decode.sampling_rate is 1000000000"),
-        ("senses.haptic.decode.file_rate", 1e12, "decode.file_rate is"),
         ("decision.pairs", 10**9, "decision.pairs is 1000000000"),
         ("senses.haptic.width", 90.0, "more weights than the file"),
         ("senses.haptic.window_seconds", 1e3, "takes up too much memory"),
@@ -206,15 +177,12 @@ def test_sizes_that_a_file_asks_for_are_bounded(tmp_path, key, value, said):
         tl.load(write(tmp_path, {key: value}))
 
 
-def test_sizes_of_a_baseline_are_bounded(naive_bayes, tmp_path):
-    for change in ({"filters": 10**6}, {"window_seconds": 1e6}, {"hop_seconds": 1e-9}):
-        with pytest.raises(tl.UserError, match="give windows and hops up to"):
+def test_sizes_of_a_baseline_are_plain_values_and_bounded(naive_bayes, tmp_path):
+    for change, said in (
+        ({"filters": attack(tmp_path / "ran")}, "without"),
+        ({"_target_": "subprocess.Popen", "args": ["true"]}, "subprocess is not trusted"),
+        ({"window_seconds": 1e6}, "give windows and hops up to"),
+    ):
+        with pytest.raises(tl.UserError, match=said):
             tl.load(forged(naive_bayes, tmp_path, **change))
-
-
-@pytest.mark.parametrize("ask", [torch.zeros, torch.arange, torch.hann_window])
-def test_numbers_are_counted_before_they_take_memory(ask):
-    with SizeLimit(100):
-        ask(1000)
-        with pytest.raises(ValueError, match="more weights than the file"):
-            ask(1 << 50)
+    assert not (tmp_path / "ran").exists()

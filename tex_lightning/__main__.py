@@ -2,11 +2,7 @@
 
 import sys
 
-try:
-    from tex_lightning.cli import main
-except KeyboardInterrupt:  # Ctrl-C before anything has begun
-    print("Interrupted.", file=sys.stderr)
-    raise SystemExit(130) from None
+from tex_lightning.cli import main
 
 __all__ = ["main"]
 

@@ -9,7 +9,7 @@ import logging
 import os
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from importlib import import_module
@@ -20,20 +20,20 @@ import hydra
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config import CONF, SILENT, Config, flatten, plain_values, register
-from tex_lightning.config.check import check_config, check_known, check_missing, check_shares
+from tex_lightning.config.check import check_config, check_shares
 from tex_lightning.config.composition import (
     Job,
     current_job,
-    quote_files,
+    read_config,
     run_composed,
     split_flags,
 )
 from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.config.mistakes import MISTAKES, explain
-from tex_lightning.config.search import split_config_dir, use_config_dir, with_own_senses
+from tex_lightning.config.search import use_config_dir, with_own_senses
 from tex_lightning.config.tasks import TRAINING
 from tex_lightning.config.usage import answer, asks
-from tex_lightning.core.console import Screen, fresh_screen, say, verbosity
+from tex_lightning.core.console import Screen, say, verbosity
 from tex_lightning.core.contract import fault_of
 from tex_lightning.core.files import UNWRITABLE, unwritable
 from tex_lightning.core.progress import finishing
@@ -92,38 +92,22 @@ def train(*overrides: str) -> Results:
         3
         >>> model = tl.load(results.folder)
     """
+    began: list[Job] = []
 
     def run(composed: DictConfig) -> Results:
+        began.append(job := current_job(python=True))
         if composed.task in SILENT:
             raise UserError(
                 f"task={composed.task} leaves no results; run it by python -m tex_lightning, or "
                 "classify with tex_lightning.load."
             )
-        job = current_job(python=True)
         run_task(composed, job)
         file = job.directory / "results.json"
         content = json.loads(file.read_text(encoding="utf-8")) if is_rank_zero() else {}
         return Results(content, job.directory)
 
-    results: Results = _in_process(run, overrides)
-    return results
-
-
-def _in_process(function: Callable[[DictConfig], Any], overrides: Sequence[str]) -> Any:  # noqa: ANN401
-    """Call a function with what the overrides compose; raise mistakes as one sentence."""
-    arguments = quote_files(split_config_dir(overrides)[1])
-    for each in arguments:
-        if each.startswith("-"):
-            raise UserError(f"{shorten(each)} is for the command line; give overrides key=value.")
-    began: list[bool] = []
-
-    def run(composed: DictConfig) -> Any:  # noqa: ANN401
-        began.append(True)
-        return function(composed)
-
     try:
-        use_config_dir(overrides)
-        return run_composed(run, arguments)
+        results: Results = run_composed(run, use_config_dir(overrides))
     except Exception as error:
         mistake = to_user_error(error, began=bool(began))
         if mistake is None or mistake is error:
@@ -131,6 +115,7 @@ def _in_process(function: Callable[[DictConfig], Any], overrides: Sequence[str])
         raise mistake from error
     finally:
         use_config_dir([])
+    return results
 
 
 def to_user_error(error: Exception, *, began: bool) -> UserError | None:
@@ -166,25 +151,7 @@ def to_user_error(error: Exception, *, began: bool) -> UserError | None:
 
 def main() -> int:
     """Run the command line and return its exit status."""
-    try:
-        return _main()
-    except KeyboardInterrupt:
-        if is_rank_zero():
-            say(_interrupted())
-        return INTERRUPTED
-    except Exception as error:
-        if (fault := fault_of(error)) is None:
-            raise
-        if is_rank_zero():
-            said, where = fault
-            say(f"Error: {said}")
-            error.__notes__.clear()
-            traceback.print_exception(type(error), error, where)
-        return FAILED
-
-
-def _main() -> int:
-    # Hydra then raises its errors instead of printing and exiting with status 1.
+    # Hydra then raises its errors instead of printing and exiting with status 1
     os.environ["HYDRA_FULL_ERROR"] = "1"
     STARTED.clear()
     arguments = sys.argv[1:]
@@ -194,18 +161,27 @@ def _main() -> int:
             print(answer(arguments), flush=True)
             return 0
         return _run(arguments)
+    except KeyboardInterrupt:
+        if is_rank_zero():
+            say(_interrupted())
+        return INTERRUPTED
     except BrokenPipeError:  # of `| head`; Python would complain once more when it ends
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:
-        mistake = to_user_error(error, began=bool(STARTED))
-        if mistake is None:
+        if mistake := to_user_error(error, began=bool(STARTED)):
+            return complain(mistake)
+        if (said := fault_of(error)) is None:
             raise
-        return complain(mistake)
+        complain(said)
+        if is_rank_zero():
+            error.__notes__.clear()
+            traceback.print_exception(error)
+        return FAILED
 
 
-def complain(error: Exception) -> int:
-    """Print a user's mistake in one sentence and return the exit status for it."""
+def complain(error: object) -> int:
+    """Print a mistake in one sentence and return the exit status for that of a user."""
     if is_rank_zero():
         say(f"Error: {error}")
     return USER_FAULT
@@ -218,9 +194,9 @@ def _run(arguments: Sequence[str]) -> int:
     if not is_rank_zero():
         suppress_output()
         overrides.append("hydra/job_logging=none")
-    sys.argv[1:] = [*flags, *with_own_senses(quote_files(overrides))]
+    sys.argv[1:] = [*flags, *with_own_senses(overrides)]
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
-    with fresh_screen(), finishing():
+    with finishing():
         entry()
     from tex_lightning.report.sweep import SweepSummary
 
@@ -260,8 +236,7 @@ def run_job(composed: DictConfig) -> float | None:
             raise SystemExit(complain(mistake)) from error
         if mistake is None:
             log.exception("This job of the sweep failed.")
-        fault = fault_of(error)
-        said = mistake or (fault and fault[0]) or f"{type(error).__name__}: {error}"
+        said = mistake or fault_of(error) or f"{type(error).__name__}: {error}"
         note_failure(job, str(said))
         return None
 
@@ -304,7 +279,7 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     if config.task in TRAINING and results:
         from tex_lightning.evaluation.outcomes import optimized_value
 
-        return optimized_value(results, config.optimized_metric)
+        return optimized_value(results)
     return None
 
 
@@ -317,11 +292,8 @@ def settled_config(composed: DictConfig, job: Job) -> tuple[Config, DictConfig, 
     Raises:
         UserError: If a value cannot be used.
     """
-    from tex_lightning.config.weights import read_config
     from tex_lightning.data.own_defaults import with_defaults
 
-    check_known(composed)
-    check_missing(composed)
     config = read_config(composed)
     check_config(config)
     if (settled := with_defaults(config.task, config.data, config.model, job)) is not job:

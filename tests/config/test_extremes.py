@@ -12,54 +12,42 @@ STABILITY = ["task=stability", "stability.systems=[BANDS]", "stability.only=[qui
 FIT, VISUAL, FUSED = "model.haptic.fit", "model.visual.fit", "model.fusion.fit"
 
 CASES = [
-    *[(HAPTIC, each) for each in (
+    *[(HAPTIC, case) for case in (
         f"{FIT}.batch_size=1", f"{FIT}.batch_size=512", f"{FIT}.learning_rate=10",
-        f"{FIT}.learning_rate=1e-300", f"{FIT}.frames=1", f"{FIT}.frames=20000",
-        f"{FIT}.head_factor=1e-300", f"{FIT}.label_smoothing=0.9999",
-        f"{FIT}.perturb=[white_noise] {FIT}.perturbed_copies=100", f"{FIT}.optimizer={{}}",
+        f"{FIT}.frames=1", f"{FIT}.frames=20000", f"{FIT}.optimizer={{}}", f"{FIT}.schedule={{}}",
+        f"{FIT}.perturb=[white_noise] {FIT}.perturbed_copies=100", f"{FIT}.epochs=0",
         f"{FIT}.optimizer={{_target_:torch.optim.LBFGS}}",
-        f"{FIT}.optimizer={{_target_:torch.optim.SparseAdam}}", f"{FIT}.schedule={{}}",
         f"{FIT}.schedule={{_target_:torch.optim.lr_scheduler.ReduceLROnPlateau}}",
-        "model.haptic.width=1e-9", "model.haptic.width=1e-9 model.haptic.norm=lrn",
-        "model.haptic.dropout=0.9999999", "model.haptic.window_seconds=10",
-        "model.haptic.window_seconds=0.001", "data.val_fold=null", "data.num_workers=2",
-        "trainer.precision=bf16-mixed", "trainer.precision=16-mixed", "trainer.precision=64-true",
-        "trainer.devices=64", "trainer.num_nodes=1024", "trainer.strategy=fsdp",
-        "+trainer.max_epochs=0", "+trainer.limit_train_batches=0", "+trainer.fast_dev_run=true",
+        "model.haptic.width=1e-9", "model.haptic.dropout=0.9999999",
+        "model.haptic.window_seconds=10", "model.haptic.window_seconds=0.001",
+        "data.val_fold=null", "data.num_workers=2", "trainer.precision=16-mixed",
+        "trainer.devices=64", "trainer.strategy=fsdp", "+trainer.limit_train_batches=0",
         "+trainer.limit_test_batches=0", "+trainer.enable_checkpointing=false",
-        "+trainer.barebones=true", "+trainer.max_time=00:00:00:00", "+trainer.logger=false",
-        "+trainer.check_val_every_n_epoch=5", "+trainer.min_epochs=100", "+trainer.callbacks=[]",
-        "decision.unknown=1e-12", "decision.unknown=0.9999", "explained_samples=1000000",
+        "+trainer.barebones=true", "+trainer.max_time=00:00:00:00",
+        "+trainer.check_val_every_n_epoch=5", "decision.unknown=1e-12", "decision.unknown=0.9999",
     )],
-    *[(BANDS, each) for each in (
+    *[(BANDS, case) for case in (
         "data.per_class=1", "data.inverted=true", "data.classes=2 data.folds=2 data.val_fold=null",
-        "data.sampling_rate=500", "data.sampling_rate=1000000", "data.file_rate=1",
-        "data.hold_out=[alpha,beta]", "data.folds=100000", "decision.reject_below=1",
-        "decision.unknown=0.9 data.per_class=1", "decision=sequential decision.confidence=0",
-        "decision=sequential decision.confidence_thresholds=[]",
-        "logger.tensorboard=false", "callbacks=[]", "model.budget=1000",
-        "task=crossval crossval.only=[0,0]",
-        "task=crossval data.inverted=true", "model=minirocket model.baseline.kernels=1",
+        "data.sampling_rate=500", "data.file_rate=20", "data.hold_out=[alpha,beta]",
+        "data.folds=100000", "decision.reject_below=1", "decision.unknown=0.9 data.per_class=1",
+        "decision=sequential decision.confidence_thresholds=[]", "callbacks=[]",
+        "task=crossval crossval.only=[0,0]", "task=crossval data.inverted=true",
+        "model=minirocket model.baseline.kernels=1",
     )],
-    *[(PHOTO, each) for each in (
-        f"{VISUAL}.patch=1", f"{VISUAL}.batch_size=1", f"{VISUAL}.rotation=180",
-        f"{VISUAL}.augmentation={{_target_:torch.nn.Flatten}}", "model.visual.width=1e-9",
-        "model.visual.head=[1,1]", "model.visual.fc1_kernel=64", "data.half_scale=false",
+    *[(PHOTO, case) for case in (
+        f"{VISUAL}.patch=1", f"{VISUAL}.augmentation={{_target_:torch.nn.Flatten}}",
+        "model.visual.width=1e-9", "model.visual.head=[1,1]", "model.visual.fc1_kernel=64",
         "data.half_scale=false data.resize=32",
     )],
-    *[(FUSION, each) for each in (
+    *[(FUSION, case) for case in (
         f"{FUSED}.modality_dropout=1", f"{FUSED}.batch_size=1", "decision.pairs=1",
         "model.fusion.level=fc3", "decision=sequential decision.pairs=1",
     )],
-    *[(FRONTIER, each) for each in (
-        "frontier.rounds=1", "data.per_class=1",
-        "frontier.senses=[haptic]",
-        "data.inverted=true", "crossval.only=[0]", "+frontier.systems.bands=null",
+    *[(FRONTIER, case) for case in (
+        "frontier.rounds=1 data.per_class=1", "frontier.senses=[haptic]", "crossval.only=[0]",
+        "+frontier.systems.bands=null",
     )],
-    *[(STABILITY, each) for each in (
-        "stability.only=[]",
-        "stability.systems=[BANDS,BANDS]",
-    )],
+    *[(STABILITY, case) for case in ("stability.only=[]", "stability.systems=[BANDS,BANDS]")],
 ]  # fmt: skip
 
 

@@ -1,5 +1,7 @@
-"""No number that a person can type gets past the checks unless it does no harm."""
+"""Whatever a key is given, it is taken or refused in one sentence."""
 
+import itertools
+import math
 from dataclasses import fields, is_dataclass
 from typing import Any, get_args, get_type_hints
 
@@ -7,10 +9,10 @@ import pytest
 from omegaconf import OmegaConf
 from omegaconf.errors import ValidationError
 
-from tex_lightning.config import CONF, Config
+from tex_lightning.config import Config, flatten
 from tex_lightning.config.check import check_config
-from tex_lightning.config.composition import compose_config
-from tex_lightning.config.weights import read_config
+from tex_lightning.config.composition import compose_config, read_config
+from tex_lightning.config.mistakes import MISTAKES
 from tex_lightning.errors import UserError
 
 HUGE = 10**30
@@ -44,7 +46,7 @@ def numeric_keys(section: type = Config, prefix: str = "") -> list[tuple[str, ty
 
 @pytest.fixture(scope="module")
 def composed():
-    return compose_config(CONF)
+    return compose_config()
 
 
 def refusal(composed, name: str, value: Any) -> str | None:
@@ -58,20 +60,11 @@ def refusal(composed, name: str, value: Any) -> str | None:
     return None
 
 
-def test_the_defaults_are_in_range(composed):
+def test_the_defaults_are_in_range_and_there_are_keys_to_check(composed):
     check_config(read_config(composed))
-
-
-def test_there_are_keys_to_check():
     names = {name for name, _, _ in numeric_keys()}
-    assert {
-        "seed",
-        "model.haptic.width",
-        "model.visual.head",
-        "decision.confidence_thresholds",
-    } <= names
+    assert {"seed", "model.haptic.width", "model.visual.head", *HARMLESS} <= names
     assert len(names) > 80
-    assert set(HARMLESS) <= names
 
 
 @pytest.mark.parametrize(("name", "number", "several"), numeric_keys(), ids=lambda item: str(item))
@@ -83,3 +76,21 @@ def test_absurd_numbers_are_refused(composed, name, number, several):
             assert absurd in (HUGE, 10**4000) or name == "crossval.only"
         else:
             assert len(said) < 1000
+
+
+VALUES = ["abc", -1, 0, math.nan, math.inf, 1e300, 10**30, "", [], {}, [1], ["a"], {"a": 1}]
+VALUES += [None, True, [[1]], "a\nb", "\x00", "x" * 10_000, "/", "/dev/null", "???", -0.5, [None]]
+
+
+@pytest.mark.slow
+def test_every_key_takes_or_refuses_every_value():
+    composed, said = compose_config(["model=fusion"]), {}
+    keys = sorted(flatten(OmegaConf.to_container(composed, resolve=False)))
+    for key, value in itertools.product(keys, VALUES):
+        try:
+            said[key, repr(value)[:50]] = refusal(composed, key, value)
+        except MISTAKES:  # which the command line puts into words
+            said[key, repr(value)[:50]] = "refused"
+    texts = list(filter(None, said.values()))
+    assert [text for text in texts if len(text) > 900] == []
+    assert len(said) > len(texts) > len(said) / 2

@@ -15,7 +15,6 @@ from tex_lightning.core.files import (
     partial_path,
     read_record,
     write_atomically,
-    write_rows,
     write_text,
 )
 from tex_lightning.data.store import fingerprint
@@ -39,7 +38,6 @@ def full_disk(limit: int):
 
 WRITERS = {
     "text": lambda path: write_text(path, "x" * 10_000),
-    "table": lambda path: write_rows(path, ["a"], [["x" * 10_000]]),
     "checkpoint": lambda path: write_atomically(
         path, lambda partial: torch.save(torch.zeros(10_000), partial)
     ),
@@ -77,15 +75,6 @@ def test_two_processes_fill_paths_of_their_own_that_go(tmp_path, folder):
             assert path.name.startswith(".file.")
             (path / "a" if folder else path).write_text("half")
     assert not list(tmp_path.iterdir())
-
-
-def test_files_have_the_rights_that_the_user_gives_new_ones(tmp_path):
-    before = os.umask(0o027)
-    try:
-        write_text(tmp_path / "file", "a")
-    finally:
-        os.umask(before)
-    assert (tmp_path / "file").stat().st_mode & 0o777 == 0o640
 
 
 def test_a_log_on_a_full_disk_ends_without_a_word(tmp_path, capsys):

@@ -9,59 +9,53 @@ from terminal import Screen
 
 from tex_lightning.core import console as screen
 from tex_lightning.core import progress
-from tex_lightning.core.console import ConsoleHandler, tell, verbosity
-from tex_lightning.core.progress import Stage, finishing, hidden, stage, steps, track
+from tex_lightning.core.console import ConsoleHandler, verbosity
+from tex_lightning.core.progress import Stage, finishing, stage, track
 
 
-def use(monkeypatch, file: io.StringIO, **options: object) -> None:
+def use(monkeypatch, file: io.StringIO, **options: object) -> io.StringIO:
     """Have this as standard error."""
     console = Console(file=file, width=80, color_system=None, **options)
     for module in (progress, screen):
         monkeypatch.setattr(module, "console", console)
+    return file
 
 
 @pytest.fixture
 def terminal(monkeypatch) -> Screen:
-    shown = Screen()
-    use(monkeypatch, shown, force_terminal=True)
-    return shown
+    return use(monkeypatch, Screen(), force_terminal=True)
 
 
 @pytest.fixture
 def file(monkeypatch) -> io.StringIO:
-    written = io.StringIO()
-    use(monkeypatch, written)
-    return written
+    return use(monkeypatch, io.StringIO())
+
+
+def to_screen(monkeypatch, name: str, level: int) -> logging.Logger:
+    logger = logging.getLogger(name)
+    monkeypatch.setattr(logger, "handlers", [ConsoleHandler()])
+    monkeypatch.setattr(logger, "propagate", False)
+    monkeypatch.setattr(logger, "level", level)
+    logger.manager._clear_cache()  # of what is enabled
+    return logger
 
 
 @pytest.fixture
-def log() -> logging.Logger:
+def log(monkeypatch) -> logging.Logger:
     """The package's, to the screen."""
-    logger, handler = logging.getLogger("tex_lightning"), ConsoleHandler()
-    before = logger.level, logger.propagate
-    logger.setLevel(logging.DEBUG)
-    logger.propagate = False  # to what an earlier command line has configured
-    logger.addHandler(handler)
-    yield logger
-    logger.removeHandler(handler)
-    logger.level, logger.propagate = before
+    return to_screen(monkeypatch, "tex_lightning", logging.DEBUG)
 
 
 @pytest.fixture
-def other() -> logging.Logger:
+def other(monkeypatch) -> logging.Logger:
     """A library's, to the screen."""
-    logger, handler = logging.getLogger("a_library.of.others"), ConsoleHandler()
-    logger.addHandler(handler)
-    logger.setLevel(logging.INFO)
-    logger.propagate = False
-    yield logger
-    logger.removeHandler(handler)
+    return to_screen(monkeypatch, "a_library.of.others", logging.INFO)
 
 
 def run_folds(log: logging.Logger) -> None:
     """Two folds of two networks of two epochs, each tested."""
-    for fold in steps([0, 1], "fold"):
-        for name in steps(["haptic", "fusion"], str):
+    for fold in track([0, 1], "fold"):
+        for name in track(["haptic", "fusion"], str):
             with stage("epoch", 2) as epochs:
                 for epoch in range(2):
                     epochs.update(epoch + 1, notes=["loss 1.23", "votes 40%"])
@@ -108,13 +102,6 @@ def test_a_file_gets_a_line_a_minute_and_no_control_characters(file, log, monkey
     assert not {*file.getvalue()} & {"\r", "\x1b", "━"}
 
 
-def test_a_notebook_without_logging_is_told_as_well(file, monkeypatch):
-    monkeypatch.setattr(progress, "TOLD", 0.0)
-    monkeypatch.setattr(progress.log, "hasHandlers", lambda: False)
-    list(track(range(2), "Decoding"))
-    assert file.getvalue().splitlines()[-1] == "Decoding 2/2."
-
-
 @pytest.mark.parametrize(("name", "value"), [("TERM", "dumb"), ("FORCE_COLOR", "1")])
 def test_only_a_terminal_that_can_is_drawn_on(monkeypatch, name, value):
     monkeypatch.setenv(name, value)
@@ -127,27 +114,9 @@ def test_only_a_terminal_that_can_is_drawn_on(monkeypatch, name, value):
 def test_nothing_is_drawn_for_whoever_wants_quiet(terminal, log):
     with verbosity(0):
         run_folds(log)
-        tell("Data")
         assert terminal.raw == ""
         log.error("This is wrong.")
     assert terminal.text == "This is wrong."
-
-
-def test_another_progress_bar_has_the_terminal_for_itself(terminal):
-    with stage("fold", 3) as folds:
-        with hidden():
-            assert not terminal.cursor_is_hidden
-            folds.update(1)
-            assert terminal.text == ""
-        folds.update(2)
-        Stage.bars.refresh()
-        assert "fold 3/3" in terminal.text
-
-
-def test_names_cannot_steer_the_terminal(terminal):
-    with stage("[red]\x1b[31m", 2):
-        Stage.bars.refresh()
-        assert terminal.text.endswith("[red]\\x1b[31m 1/2")
 
 
 def test_whoever_debugs_is_told_timings_and_what_others_say(file, log, other):

@@ -24,7 +24,6 @@ def make(folder, *kinds, **settings):
     ("kinds", "settings", "kind"),
     [
         (["haptic", "visual", "fusion"], {"model.senses": ["haptic", "visual"]}, "fusion"),
-        (["haptic", "sound"], {"model.senses": ["sound"]}, "sound"),
         (["visual"], {}, "visual"),
         (["visual"], {"task": "enroll", "model.senses": ["haptic"]}, "visual"),
     ],
@@ -65,9 +64,5 @@ def test_a_folder_belongs_to_one_process_until_that_ends(tmp_path):
         pass
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
-    for _ in range(2):
-        with locked_folder(tmp_path / "run"):
-            pass
-    (tmp_path / "file").touch()
-    with pytest.raises(UserError, match="Cannot write"), locked_folder(tmp_path / "file"):
+    with locked_folder(tmp_path / "run"):
         pass

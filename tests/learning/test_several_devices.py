@@ -171,9 +171,8 @@ def alive(process: int) -> bool:
     [
         (["model.haptic.fit.batch_size=7"], "is 7, but 2 processes share every batch"),
         (["model.haptic.fit.batch_size=2"], "choose a multiple of 2, 4 or more"),
-        (["trainer.devices=0"], "trainer.devices is 0: choose from 1 to 64"),
+        (["trainer.devices=0"], "trainer.devices is 0: choose from [1, 64]"),
         (["trainer.num_nodes=2"], "start the command with srun or torchrun"),
-        (["trainer.devices=auto"], "trainer.devices is auto, which takes every GPU"),
         (["task=profile"], "several devices are used by task=fit and task=crossval"),
     ],
 )

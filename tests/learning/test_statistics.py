@@ -9,13 +9,11 @@ import tex_lightning as tl
 from tex_lightning.classifier.card import novelty_threshold
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
-from tex_lightning.config import CONF
-from tex_lightning.config.composition import compose_config
-from tex_lightning.config.weights import read_config
+from tex_lightning.config.composition import compose_config, read_config
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.learning.statistics import left_out_novelties
 
-ENGINE = read_config(compose_config(CONF)).engine
+ENGINE = read_config(compose_config()).engine
 
 
 def traces(kind, numbers):

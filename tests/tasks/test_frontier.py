@@ -14,9 +14,8 @@ from omegaconf import OmegaConf
 
 from tex_lightning.classifier.card import read_checkpoint
 from tex_lightning.config.check import check_config
-from tex_lightning.config.composition import Job
+from tex_lightning.config.composition import Job, read_config
 from tex_lightning.config.search import use_config_dir
-from tex_lightning.config.weights import read_config
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.comparison import one_standard_error, partner
 from tex_lightning.evaluation.outcomes import Outcome
@@ -182,7 +181,7 @@ def test_every_subset_of_the_senses_is_a_system(force, surfaces, cli, tmp_path):
         frontier._command(job, systems[1].overrides).removeprefix("python -m ")
     )
     assert program == "tex_lightning"
-    outcome = cli(*arguments, f"hydra.run.dir={tmp_path}/r")
+    outcome = cli("--config-dir", force, *arguments, f"hydra.run.dir={tmp_path}/r")
     assert outcome.status == 0, outcome.err
     assert list(read_results(tmp_path / "r")["networks"]) == ["force"]
 

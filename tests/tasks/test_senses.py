@@ -5,9 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tex_lightning.config import CONF
-from tex_lightning.config.composition import compose_config
-from tex_lightning.config.weights import read_config
+from tex_lightning.config.composition import compose_config, read_config
 from tex_lightning.data.readers import read_recordings
 
 SENSES = {"haptic": "haptic", "visual": "image", "sound": "sound"}  # and their modalities
@@ -42,7 +40,7 @@ def test_all_senses_are_trained_and_fused(every):
 def files(cache) -> dict[str, Path]:
     """A file of each modality."""
     chosen = [*SMALL, f"model.senses={listed(SENSES)}", f"data.cache_dir={cache}"]
-    config = read_config(compose_config(CONF, chosen))
+    config = read_config(compose_config(chosen))
     rows = read_recordings(config.data)
     return {modality: rows.of(modality).rows[0].path for modality in SENSES.values()}
 

@@ -2,29 +2,21 @@
 
 import json
 import re
-from dataclasses import replace
 
 import pytest
 import torch
-from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
 
 import tex_lightning as tl
-from tex_lightning.config import CONF, Config, register
-from tex_lightning.config.weights import pick_weights
+from tex_lightning.config import Config
+from tex_lightning.config.check import check_config
+from tex_lightning.config.composition import compose_config, read_config
 from tex_lightning.errors import UserError
 
-GIVEN = {
-    "alexnet_caffe": "a.caffemodel",
-    "vgg_m": "v.caffemodel",
-    "efficientnet_lite0": "imagenet",
-}
+SOURCES = "{alexnet_caffe:a.caffemodel,vgg_m:v.mat,efficientnet_lite0:imagenet}"
 
 
-def config(model: str) -> Config:
-    register()
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        return OmegaConf.to_object(compose("config", overrides=[f"model={model}"]))
+def config(model: str, weights: str) -> Config:
+    return read_config(compose_config([f"model={model}", f"weights={weights}"]))
 
 
 @pytest.mark.parametrize(
@@ -41,14 +33,21 @@ def config(model: str) -> Config:
     ],
 )
 def test_each_model_finds_its_trunk(model, expected):
-    assert pick_weights(replace(config(model), weights=GIVEN)).weights == expected
-    assert pick_weights(replace(config(model), weights="x.npz")).weights == "x.npz"
+    assert config(model, SOURCES).baseline_weights == expected
+    assert config(model, "x.npz").baseline_weights == "x.npz"
 
 
-@pytest.mark.parametrize("weights", [{"resnet": "r.pth"}, ["a", "b"], 3])
-def test_other_weights_are_refused(weights):
-    with pytest.raises(UserError, match="not understood"):
-        pick_weights(replace(config("visual"), weights=weights))
+@pytest.mark.parametrize(
+    ("weights", "said"),
+    [
+        ("{vgg: v.mat}", "in weights is vgg .did you mean vgg_m"),
+        ("[a,b]", "weights is"),
+        ("3", "weights is"),
+    ],
+)
+def test_other_weights_are_refused(weights, said):
+    with pytest.raises(UserError, match=said):
+        check_config(config("visual", weights))
 
 
 def test_a_network_starts_from_its_trunk_and_inherits_what_it_has_seen(

@@ -14,13 +14,14 @@ from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config import tasks
 from tex_lightning.config.data import DataConfig, Folding, RecordConfig
+from tex_lightning.config.instantiation import find_class
 from tex_lightning.config.keys import SEED, key
 from tex_lightning.config.model import FUSION, PACKAGE_SENSES, ModelConfig
 from tex_lightning.config.search import register_folders
 from tex_lightning.config.tasks import (
     READ_FILES,
-    READS,
     SILENT,
+    TASKS,
     DecisionConfig,
     EngineConfig,
     ProfileConfig,
@@ -30,9 +31,9 @@ from tex_lightning.config.tasks import (
 )
 
 __all__ = [
-    "READS", "READ_FILES", "SILENT", "Config", "DataConfig", "DecisionConfig", "EngineConfig",
+    "READ_FILES", "SILENT", "TASKS", "Config", "DataConfig", "DecisionConfig", "EngineConfig",
     "Folding", "ModelConfig", "ProfileConfig", "StabilityConfig", "StreamConfig", "TrainerConfig",
-    "flatten", "plain_values", "register",
+    "flatten", "plain_values", "register", "trunk_name",
 ]  # fmt: skip
 
 INSIDE = Path(__file__).parents[1] / "conf"  # in an installed wheel
@@ -44,15 +45,13 @@ CONF = INSIDE if INSIDE.is_dir() else BESIDE
 class Config:
     """The whole configuration."""
 
-    task: str = key("what to do, set by task=NAME", choices=tuple(READS))
+    task: str = key("what to do, set by task=NAME", choices=TASKS)
     verbose: int = key(
         "what standard error shows: 0 the result and errors, 1 also progress and messages, 2 also "
         "messages of other libraries, metrics of each epoch and timings",
-        least=0, most=2,
-    )  # fmt: skip
-    seed: int = key(
-        "seed of initial weights, order of samples, sub-samples, rotations", least=0, most=SEED
+        "[0, 2]",
     )
+    seed: int = key("seed of initial weights, order of samples, sub-samples, rotations", SEED)
     checkpoint: str | None = key("trained network to classify with or to measure")
     haptic: Any = key(
         "trace(s): a file or a list to predict from; one, or -, to stream; a source to record: -, "
@@ -66,7 +65,7 @@ class Config:
     )
     sound: Any = key("sound(s): as haptic", default=None)
     own: dict[str, Any] = key("files of your own senses; +NAME=FILE adds one", factory=dict)
-    top_k: int = key("candidates listed by task=predict", least=1)
+    top_k: int = key("candidates listed by task=predict", "[1, inf)")
     weights: Any = key(
         "initial weights of the trunk: file, URL, imagenet or a checkpoint; for several trunks "
         "{TRUNK: FILE, haptic: FILE, ...}; null is random",
@@ -76,16 +75,11 @@ class Config:
         "packages, beside installed plugins, whose classes a checkpoint may name: their code runs",
         factory=list,
     )
-    optimized_metric: str | None = key(
-        "value that a job returns to a searching sweeper, to minimise; vote_error is that of the "
-        "tested fold; null takes val_loss if there is a validation fold, else vote_error",
-        choices=tasks.OPTIMIZED_METRICS, default=None,
-    )  # fmt: skip
     explained_samples: int = key(
         "number of test samples whose votes are drawn (docs/predict.md): wrong ones, the surest "
         "first, or if there are none the least sure",
-        least=0, most=100,
-    )  # fmt: skip
+        "[0, 100]",
+    )
     data: DataConfig = field(default_factory=DataConfig)
     model: ModelConfig = field(default_factory=ModelConfig)
     decision: DecisionConfig = field(default_factory=DecisionConfig)
@@ -113,11 +107,11 @@ class Config:
     def weights_of(self, sense: str) -> str | None:
         """Source of the first weights of one sense's trunk; None is random.
 
-        A mapping names several, see :func:`~tex_lightning.config.weights.pick_weights`; anything
-        else is meant for the photos' trunk, or for that of the only sense.
+        ``{TRUNK: SOURCE, haptic: SOURCE}`` names several, such as those of a sweep; a single source
+        is meant for the photos' trunk, or for that of the only sense.
         """
         if isinstance(self.weights, dict):
-            source: str | None = self.weights.get(sense)
+            source: str | None = self.weights.get(trunk_name(self.model, sense))
             return source
         alone = self.model.senses == [sense]
         return self.weights if alone or sense == "visual" else None
@@ -130,6 +124,17 @@ class Config:
     def baseline_weights(self) -> str | None:
         """Source of the weights of a baseline's trunk."""
         return next(filter(None, map(self.weights_of, self.model.senses)), None)
+
+
+def trunk_name(model: ModelConfig, sense: str) -> str:
+    """The sense; of photos the published name of the trunk, or that of its class."""
+    if sense != "visual":
+        return sense
+    if model.baseline is not None:
+        return str(model.baseline.get("trunk"))
+    from tex_lightning.networks.trunks import name_trunk  # takes PyTorch
+
+    return name_trunk(find_class("model.visual.trunk", model.visual.trunk))
 
 
 def plain_values(node: Any) -> Any:  # noqa: ANN401

@@ -1,13 +1,11 @@
 """Compose this package's configuration and run a job with it, wherever Hydra is at the time.
 
-Beside that stand the job that Hydra has begun, the keys that a composed task reads, and the flags
-of a command line.
+Beside that stand the job that Hydra has begun, and the flags of a command line.
 """
 
-import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any, Literal, NoReturn
 
@@ -16,41 +14,41 @@ from hydra._internal.callbacks import Callbacks
 from hydra._internal.utils import get_args_parser
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
-from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.utils import JobRuntime, run_job
-from hydra.errors import HydraException
 from hydra.types import HydraContext, RunMode
 from hydra.version import VersionBase
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import MISSING, DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
-from tex_lightning.config import CONF, Config, flatten, register
-from tex_lightning.config.keys import Key, walk
-from tex_lightning.config.model import FUSION, PACKAGE_SENSES, PhotoConfig, SignalConfig
+from tex_lightning.config import CONF, READ_FILES, Config, flatten, register
+from tex_lightning.config.instantiation import TARGET, find_class
+from tex_lightning.config.mistakes import unknown_key
+from tex_lightning.config.model import (
+    CHECKPOINT,
+    FUSION,
+    PACKAGE_SENSES,
+    PhotoFitConfig,
+    SenseConfig,
+    SignalFitConfig,
+)
 from tex_lightning.config.search import with_own_senses
-from tex_lightning.config.tasks import READS
-from tex_lightning.core.files import matches
 from tex_lightning.errors import UserError, reason
 
 NAME = "config"
+FITS = {"signal": SignalFitConfig, "photo": PhotoFitConfig}  # by the medium of a sense
 
 
-def compose_config(
-    conf: Path, overrides: Sequence[str] = (), searchpath: Sequence[str] = ()
-) -> DictConfig:
+def compose_config(overrides: Sequence[str] = ()) -> DictConfig:
     """The configuration as a command line composes it.
 
     Args:
-        conf: Folder of the configuration files.
         overrides: Such as ``model=haptic``.
-        searchpath: Further folders with configuration files, as ``file://DIR``.
 
     Raises:
         HydraException: If an override is wrong.
     """
-    folders = ",".join('"{}"'.format(folder.replace('"', '\\"')) for folder in searchpath)
-    more = [f"hydra.searchpath=[{folders}]"] if searchpath else []
-    with _hydra(conf):
-        return compose(NAME, overrides=[*with_own_senses(overrides), *more])
+    with _hydra():
+        return compose(NAME, overrides=with_own_senses(overrides))
 
 
 def run_composed(function: Callable[[DictConfig], Any], overrides: Sequence[str]) -> Any:  # noqa: ANN401
@@ -70,7 +68,7 @@ def run_composed(function: Callable[[DictConfig], Any], overrides: Sequence[str]
         except Exception as error:  # Hydra would print a line of its own
             raised.append(error)
 
-    with _hydra(CONF):
+    with _hydra():
         config = compose(NAME, overrides=with_own_senses(overrides), return_hydra_config=True)
         if config.hydra.mode == RunMode.MULTIRUN:
             raise UserError(
@@ -85,13 +83,13 @@ def run_composed(function: Callable[[DictConfig], Any], overrides: Sequence[str]
 
 
 @contextmanager
-def _hydra(conf: Path) -> Iterator[None]:
+def _hydra() -> Iterator[None]:
     """Initialise Hydra for this package; afterwards it is as the caller's application left it."""
     register()
     running, base = GlobalHydra.instance().hydra, VersionBase.instance().version_base
     GlobalHydra.instance().clear()
     try:
-        with initialize_config_dir(str(conf), JobRuntime.instance().get("name"), "1.3"):
+        with initialize_config_dir(str(CONF), JobRuntime.instance().get("name"), "1.3"):
             yield
     finally:
         GlobalHydra.instance().hydra = running
@@ -100,7 +98,7 @@ def _hydra(conf: Path) -> Iterator[None]:
 
 Origin = Literal["command", "sweep", "python"]
 RUN_FOLDER = "hydra.run.dir="
-ASKED_FOR = ("command-line", "hydra.searchpath in command-line")  # providers of further folders
+SEARCHPATH = "hydra.searchpath="
 
 
 @dataclass(frozen=True)
@@ -112,7 +110,7 @@ class Job:
         directory: The run folder, an absolute path.
         origin: Whether a command line runs it, a sweep with others, or a program in Python.
         named: Whether the run folder was given, not made up.
-        searchpath: Further folders with configuration files, as ``file://DIR``.
+        searchpath: The override that names further folders with configuration files, if any.
         hydra: All of Hydra's own settings, for the record.
     """
 
@@ -129,7 +127,7 @@ class Job:
         Raises:
             HydraException: If an override is wrong.
         """
-        return compose_config(CONF, overrides, self.searchpath)
+        return compose_config([*overrides, *self.searchpath])
 
 
 def current_job(*, python: bool = False) -> Job:
@@ -139,59 +137,83 @@ def current_job(*, python: bool = False) -> Job:
         python: Whether a program in Python runs it.
     """
     hydra = HydraConfig.get()
-    sources = hydra.runtime.config_sources
+    own = tuple(hydra.overrides.hydra)
     return Job(
         overrides=tuple(hydra.overrides.task),
         directory=Path(hydra.runtime.output_dir).resolve(),
         origin="python" if python else "sweep" if hydra.mode == RunMode.MULTIRUN else "command",
-        named=any(each.startswith(RUN_FOLDER) for each in hydra.overrides.hydra),
-        searchpath=tuple(
-            f"{each.schema}://{each.path}" for each in sources if each.provider in ASKED_FOR
-        ),
+        named=any(override.startswith(RUN_FOLDER) for override in own),
+        searchpath=tuple(override for override in own if override.startswith(SEARCHPATH)),
         hydra=OmegaConf.create({"hydra": hydra}),
     )
 
 
-EVERYWHERE = ("task", "verbose")  # every task reads these
+def read_config(composed: DictConfig) -> Config:
+    """Turn a composed configuration into a typed one, with the user's own senses.
+
+    Raises:
+        UserError: If a key is open (``???``) or read by nothing, or a sense cannot be used.
+    """
+    if missing := missing_keys(composed):
+        example = " ".join(f"{key}=VALUE" for key in missing)
+        raise UserError(f"No value for {', '.join(missing)}; add {example} to the command.")
+    config: Config = OmegaConf.to_object(composed)  # type: ignore[assignment]
+    model = config.model
+    for name, node in vars(model).items():
+        if isinstance(node, dict) and TARGET in node and name != "baseline":
+            setattr(model, name, _custom_sense(name, node, model.budget))
+    for name in _further_keys(config):
+        if "." in name or config.task not in READ_FILES:  # where a key names files of a sense
+            raise unknown_key(name, composed)
+        config.own[name] = getattr(config, name)
+    for name in model.senses:
+        if name not in model.known:
+            raise UserError(
+                f"model.senses names {name}, and there is no such sense: choose from "
+                f"{', '.join(model.known)}, or write conf/sense/{name}.yaml and give "
+                "--config-dir conf."
+            )
+    return config
 
 
-def keys_read(config: DictConfig) -> dict[str, Key]:
-    """Return metadata of the keys that ``config.task`` reads for ``config.model``, by name."""
-    task, model = config.task, config.model
-    used = () if model.baseline else (*model.senses,)
-    if task == "frontier":  # whose family has any of them
-        used = (*PACKAGE_SENSES, FUSION)
-    used += (FUSION,) if len(used) > 1 else ()
-    unused = tuple(f"model.{name}." for name in (*PACKAGE_SENSES, FUSION) if name not in used)
-    read = tuple(f"{part}." for part in (*EVERYWHERE, *READS[task]))
-    trains = "trainer" in READS[task]
-    keys = {
-        name: key
-        for name, key in walk(Config)
-        if f"{name}.".startswith(read)
-        and not name.startswith(unused)
-        and (trains or ".fit." not in name)
-    }
-    own = {*used} - {*PACKAGE_SENSES, FUSION} if "model" in READS[task] else ()
-    for sense in own:
-        keys |= _own_keys(f"model.{sense}", model.get(sense))
-    return keys
+def missing_keys(composed: DictConfig) -> list[str]:
+    """Return dotted names of open ``???`` values, without those of what refers to them."""
+    values: Any = OmegaConf.to_container(composed, resolve=False)
+    return sorted(key for key, value in flatten(values).items() if value == MISSING)
 
 
-def _own_keys(where: str, node: object) -> dict[str, Key]:
-    """Return the keys of a user's sense, with the schema's meaning where it has one."""
-    known = dict((*walk(PhotoConfig), *walk(SignalConfig)))
-    values: Any = OmegaConf.to_container(node, resolve=False) if OmegaConf.is_dict(node) else {}
-    names = [name for name in flatten(values) if not name.rpartition(".")[2].startswith("_")]
-    return {
-        f"{where}.{name}": known.get(name, Key("for the class that is named beside it"))
-        for name in names
-    }
+def _further_keys(section: Any, prefix: str = "") -> Iterator[str]:  # noqa: ANN401
+    """Yield the keys beside those of the schema that neither Lightning nor a user's sense reads."""
+    known = {key.name for key in fields(section)}
+    for name, value in vars(section).items():
+        if is_dataclass(value):
+            own = prefix == "model." and name not in PACKAGE_SENSES and name != FUSION
+            yield from () if own or name == "trainer" else _further_keys(value, f"{prefix}{name}.")
+        elif name not in known and not (prefix == "model.fusion." and name.endswith(CHECKPOINT)):
+            yield f"{prefix}{name}"
 
 
-# whose values name files
-KEYS = ("haptic", "image", "sound", "checkpoint", "data.root", "data.manifest")
-OWN_SENSE = re.compile(r"\+\w+")  # a key beside those of the schema
+def _custom_sense(name: str, node: dict[str, Any], budget: float) -> SenseConfig:
+    where = f"model.{name}"
+    medium = getattr(find_class(where, node), "medium", None)
+    if medium not in FITS:
+        raise UserError(
+            f"{where} names {node[TARGET]}, which is no sense: begin its file with defaults: "
+            "[signal, _self_] or [photo, _self_]."
+        )
+    schema, fit = OmegaConf.structured(SenseConfig), OmegaConf.structured(FITS[medium])
+    for section in (schema, fit.optimizer, fit.schedule):
+        OmegaConf.set_struct(section, False)  # further keys are offered to its classes
+    schema.fit = fit
+    try:
+        merged = OmegaConf.merge(schema, node)
+        merged.fit.steps_per_epoch = max(1, round(budget * merged.fit.steps_per_epoch))
+        sense: SenseConfig = OmegaConf.to_object(merged)  # type: ignore[assignment]
+    except OmegaConfBaseException as error:
+        raise UserError(
+            f"{where}: {reason(str(error).splitlines()[0])}; correct conf/sense/{name}.yaml."
+        ) from error
+    return sense
 
 
 def split_flags(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -213,40 +235,3 @@ def split_flags(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
     parser.error = refuse  # type: ignore[method-assign]
     overrides = parser.parse_intermixed_args(arguments).overrides
     return [each for each in arguments if each not in overrides], overrides
-
-
-def quote_files(arguments: Sequence[str]) -> list[str]:
-    """Add quotes to names of files that Hydra's grammar would misread, as ``haptic=my file.wav``.
-
-    A pattern that matches files is such a name, too. Everything else stays as it is.
-    """
-    parser, quoted = OverridesParser.create(), []
-    for argument in arguments:
-        key, _, value = argument.partition("=")
-        names_files = key in KEYS or OWN_SENSE.fullmatch(key)
-        if names_files and _names_files(value) and _misread(parser, argument):
-            # Hydra reads backslashes literally, except before a quote
-            escaped = re.sub(r'(\\*)("|$)', lambda found: 2 * found[1] + _quote(found[2]), value)
-            argument = f'{key}="{escaped}"'
-        quoted.append(argument)
-    return quoted
-
-
-def _quote(mark: str) -> str:
-    return f"\\{mark}" if mark else ""
-
-
-def _names_files(value: str) -> bool:
-    try:
-        path = Path(value).expanduser()
-        return bool(value) and (path.exists() or bool(matches(str(path))))
-    except (OSError, RuntimeError, ValueError):  # too long, no such user, a null character
-        return False
-
-
-def _misread(parser: OverridesParser, argument: str) -> bool:
-    """Whether Hydra fails to read the value as the text that it is."""
-    try:
-        return bool(parser.parse_override(argument).value() != argument.partition("=")[2])
-    except HydraException:
-        return True

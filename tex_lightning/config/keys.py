@@ -10,7 +10,7 @@ from omegaconf import MISSING
 from tex_lightning.errors import shorten
 
 METADATA = "key"
-SEED = 2**32 - 1  # the largest that NumPy's generators take
+SEED = "[0, 4294967295]"  # which NumPy's generators take
 
 
 @dataclass(frozen=True)
@@ -19,44 +19,25 @@ class Key:
 
     Attributes:
         meaning: One phrase, with what null does where null is allowed.
+        range: Interval of the numbers that are allowed, such as ``(0, 8]``; empty for any.
         unit: Unit of a number.
         choices: All values that are allowed; empty where they are not listed here.
-        least: Smallest number allowed.
-        most: Largest number allowed.
-        above: Number that must be exceeded.
-        below: Number that must not be reached.
     """
 
     meaning: str
+    range: str = ""
     unit: str = ""
     choices: tuple[object, ...] = ()
-    least: float | None = None
-    most: float | None = None
-    above: float | None = None
-    below: float | None = None
 
     def allows(self, value: float) -> bool:
         """Whether a number is in range; NaN never is where there is a range."""
-        return (
-            (self.least is None or value >= self.least)
-            and (self.most is None or value <= self.most)
-            and (self.above is None or value > self.above)
-            and (self.below is None or value < self.below)
+        if not self.range:
+            return True
+        low, high = map(float, self.range[1:-1].split(","))
+        closed = (self.range[0] == "[" and value == low) or (
+            self.range[-1] == "]" and value == high
         )
-
-    @property
-    def range(self) -> str:
-        """The range in words; empty where there is none."""
-        if self.least is not None and self.most is not None:
-            return f"from {plain(self.least)} to {plain(self.most)}"
-        ends = {
-            "{} or more": self.least,
-            "more than {}": self.above,
-            "at most {}": self.most,
-            "less than {}": self.below,
-        }
-        said = [words.format(plain(end)) for words, end in ends.items() if end is not None]
-        return " and ".join(said)
+        return low < value < high or closed
 
 
 def plain(value: object) -> str:
@@ -66,20 +47,22 @@ def plain(value: object) -> str:
 
 def key(
     meaning: str,
+    range: str = "",
     *,
     default: Any = MISSING,  # noqa: ANN401
     factory: Any = None,  # noqa: ANN401
-    **limits: Any,  # noqa: ANN401
+    **more: Any,  # noqa: ANN401
 ) -> Any:  # noqa: ANN401
     """Declare a field of the schema.
 
     Args:
         meaning: See :class:`Key`.
+        range: See there.
         default: Its value until a configuration file gives one.
         factory: Makes a mutable default instead.
-        **limits: Further attributes of :class:`Key`.
+        **more: Further attributes of :class:`Key`.
     """
-    metadata = {METADATA: Key(meaning, **limits)}
+    metadata = {METADATA: Key(meaning, range, **more)}
     if factory is not None:
         return field(default_factory=factory, metadata=metadata)
     return field(default=default, metadata=metadata)
@@ -87,11 +70,11 @@ def key(
 
 def walk(section: Any, prefix: str = "") -> Iterator[tuple[str, Key]]:  # noqa: ANN401
     """Yield dotted names and metadata of all keys of a section of the schema, in order."""
-    for each in fields(section):
-        if METADATA in each.metadata:
-            yield f"{prefix}{each.name}", each.metadata[METADATA]
-        elif is_dataclass(each.default_factory):
-            yield from walk(each.default_factory, f"{prefix}{each.name}.")
+    for part in fields(section):
+        if METADATA in part.metadata:
+            yield f"{prefix}{part.name}", part.metadata[METADATA]
+        elif is_dataclass(part.default_factory):
+            yield from walk(part.default_factory, f"{prefix}{part.name}.")
 
 
 def beyond(name: str, value: object, key: Key) -> Iterator[str]:
@@ -100,7 +83,7 @@ def beyond(name: str, value: object, key: Key) -> Iterator[str]:
         if item is not None and key.choices:
             yield from choice(name, item, key.choices)
         elif isinstance(item, int | float) and not key.allows(item):
-            yield f"{name} is {shorten(plain(item))}: choose {key.range}"
+            yield f"{name} is {shorten(plain(item))}: choose from {key.range}"
 
 
 def choice(name: str, value: object, allowed: Sequence[object]) -> Iterator[str]:

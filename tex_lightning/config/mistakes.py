@@ -1,8 +1,9 @@
 """Turn what Hydra says of a mistyped command line into one sentence with near matches."""
 
-import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterator
+from difflib import get_close_matches
+from typing import Any
 
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf
@@ -10,13 +11,13 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from tex_lightning.config import CONF
-from tex_lightning.config.composition import keys_read
 from tex_lightning.config.keys import nearest
 from tex_lightning.errors import UserError, shorten
 
 MISTAKES = (HydraException, OmegaConfBaseException, YAMLError)  # the last of a user's own files
 KEY = re.compile(r"Could not (?:override|append to config|delete).*?'([^'=]+)")
 LAUNCHERS = "hydra/launcher"
+MANY = 4  # keys that a wrong one may stand for
 NOISE = ("full_key:", "object_type=", "reference_type=", "See https:", "Set the environment", "To ")
 
 
@@ -59,28 +60,28 @@ def unknown_key(key: str, config: DictConfig) -> UserError:
 def _near_keys(word: str, config: DictConfig) -> list[str]:
     """Return keys that a wrong one may stand for, the likeliest rule first.
 
-    A slip in a name beside its siblings (``model.haptic.widht``), the end of a dotted key that the
-    task reads (``fit.epochs``), its name below another path, a slip in that, its initials (``lr``).
+    These are a slip in the whole name (``model.haptic.widht``), the end of a dotted key
+    (``fit.epochs``), its name in another section, a slip in that, and its initials (``lr``).
     """
-    section, _, leaf = word.rpartition(".")
-    node = OmegaConf.select(config, section, throw_on_missing=False) if section else config
-    beside = [str(name) for name in node] if OmegaConf.is_dict(node) else []
-    slips = _close(leaf, beside)
-    if slips:
-        return [f"{section}.{name}" if section else name for name in slips]
-    names = {key: key.rpartition(".")[2] for key in keys_read(config)}
-    like = _close(leaf, names.values())[:1]
+    values: Any = OmegaConf.to_container(config, resolve=False)
+    names = {name: name.rpartition(".")[2] for name in _names(values) if name != word}
+    leaf = word.rpartition(".")[2]
+    like = get_close_matches(leaf, sorted({*names.values()}), n=1)
     rules = (
-        [key for key in names if key.endswith(f".{word}")],
-        [key for key, name in names.items() if name == leaf],
-        [key for key, name in names.items() if name in like],
-        [key for key, name in names.items() if leaf == "".join(w[:1] for w in name.split("_"))],
+        [name for name in names if name.endswith(f".{word}")],
+        get_close_matches(word, names, n=1, cutoff=0.8),
+        [name for name in names if names[name] in like],
+        [name for name in names if leaf == "".join(w[:1] for w in names[name].split("_"))],
     )
-    return next(filter(None, rules), [])
+    return next(filter(None, rules), [])[:MANY]
 
 
-def _close(word: str, known: Iterable[str]) -> list[str]:
-    return difflib.get_close_matches(word, sorted(set(known)), n=3)
+def _names(values: dict[Any, Any], prefix: str = "") -> Iterator[str]:
+    """Yield the dotted names of all sections and keys."""
+    for name, value in values.items():
+        yield f"{prefix}{name}"
+        if isinstance(value, dict):
+            yield from _names(value, f"{prefix}{name}.")
 
 
 def _one_line(error: Exception) -> str:

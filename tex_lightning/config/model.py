@@ -9,18 +9,12 @@ from tex_lightning.config.keys import key
 FUSION = "fusion"  # name of several senses together
 PACKAGE_SENSES = ("haptic", "visual", "sound")  # senses of the package; others are a user's
 CHECKPOINT = "_checkpoint"  # end of a key of the fusion
-MIN_FACTOR, MAX_FACTOR = 10, 50  # of FusionNet's head, in the paper
-PATCH = 224  # pixels a side that give one prediction on the trunks as published
 LARGEST = 8192  # pixels a side
-RATE = {"above": 0, "most": 10}
-COUNT = {"least": 1, "most": 1_000_000}
-STEPS = {"least": 0, "most": 1_000_000}
-BATCH = {"least": 1, "most": 4096}
-SHARE = {"least": 0, "most": 1}
-PROBABILITY = {"least": 0, "below": 1}
-WIDTH = {"above": 0, "most": 8}
-ROTATION = {"unit": "degrees", "least": 0, "most": 180}
-SECONDS = {"unit": "s", "most": 10}
+RATE = "(0, 10]"
+BATCH = "[1, 4096]"
+PROBABILITY = "[0, 1)"
+WIDTH = "(0, 8]"
+ROTATION = {"range": "[0, 180]", "unit": "degrees"}
 NORMS = ("batch", "lrn", "none")
 PERTURB = "perturbations to train on too, named in tex_lightning/perturbations/severities.yaml"
 
@@ -33,19 +27,14 @@ class FitConfig:
     two checkpoints.
     """
 
-    epochs: int = key("stretches of training between two checkpoints", **STEPS)
-    steps_per_epoch: int = key("optimiser steps in an epoch", **COUNT)
-    batch_size: int = key("samples in a step, over all processes", **BATCH)
-    optimizer: dict[str, Any] = key(
-        "class and arguments; Adam adds weight decay to the gradient, as the paper does",
-        factory=dict,
-    )
-    learning_rate: float = key("largest learning rate of the trunk", **RATE)
+    epochs: int = key("stretches of training between two checkpoints", "[0, 1000000]")
+    steps_per_epoch: int = key("optimiser steps in an epoch", "[1, 1000000]")
+    batch_size: int = key("samples in a step, over all processes", BATCH)
+    optimizer: dict[str, Any] = key("class and arguments", factory=dict)
+    learning_rate: float = key("largest learning rate of the trunk", RATE)
     schedule: dict[str, Any] = key("class and arguments; it acts after every step", factory=dict)
-    label_smoothing: float = key("share of the label given to all classes", **PROBABILITY)
-    head_factor: float = key(
-        "learning rate of the 1x1 layers over that of the trunk", above=0, most=1000
-    )
+    label_smoothing: float = key("share of the label given to all classes", PROBABILITY)
+    head_factor: float = key("learning rate of the 1x1 layers over that of the trunk", "(0, 1000]")
 
     piece_key: ClassVar[str] = ""
 
@@ -61,11 +50,10 @@ class SignalFitConfig(FitConfig):
     """Training on sub-samples of spectrograms; FusionNet is perturbed alike."""
 
     frames: int = key(
-        "frames of a sub-sample; longer signals are cut at random, shorter ones repeated",
-        least=1, most=20_000,
-    )  # fmt: skip
+        "frames of a sub-sample; longer signals are cut at random, shorter repeated", "[1, 20000]"
+    )
     perturb: list[str] = key(PERTURB)
-    perturbed_copies: int = key("perturbed versions of every signal", least=1, most=100)
+    perturbed_copies: int = key("perturbed versions of every signal", "[1, 100]")
 
     piece_key: ClassVar[str] = "frames"
 
@@ -74,21 +62,16 @@ class SignalFitConfig(FitConfig):
 class ProbeConfig:
     """Fit of VisualNet's FC3 to the features of whole photos, where ``head`` is empty."""
 
-    passes: int = key("passes over the training photos, cut anew each time", least=1, most=1000)
-    strength: float = key(
-        "inverse of regularisation of the fit for head=[]", above=0, most=1_000_000
-    )
-    side: int = key(
-        "largest side of a photo for that fit; larger photos are cut",
-        unit="pixels", least=PATCH, most=LARGEST,
-    )  # fmt: skip
+    passes: int = key("passes over the training photos, cut anew each time", "[1, 1000]")
+    strength: float = key("inverse of the regularisation", "(0, 1000000]")
+    side: int = key("largest side; larger photos are cut", f"[224, {LARGEST}]", unit="pixels")
 
 
 @dataclass
 class PhotoFitConfig(FitConfig):
     """Training on square patches; FusionNet is perturbed alike."""
 
-    patch: int = key("side of a training patch", unit="pixels", least=1, most=2048)
+    patch: int = key("side of a training patch", "[1, 2048]", unit="pixels")
     rotation: float = key("largest random rotation either way", **ROTATION)
     augmentation: dict[str, Any] | None = key(
         "class, of Kornia or similar, that changes VisualNet's training patches (batch, 3, side, "
@@ -96,7 +79,7 @@ class PhotoFitConfig(FitConfig):
         default=None,
     )
     perturb: list[str] = key(PERTURB)
-    perturbed_share: float = key("share of patches that are perturbed", **SHARE)
+    perturbed_share: float = key("share of patches that are perturbed", "[0, 1]")
     probe: ProbeConfig = field(default_factory=ProbeConfig)
 
     piece_key: ClassVar[str] = "patch"
@@ -107,12 +90,11 @@ class FusionFitConfig(FitConfig):
     """Training of FusionNet on inputs as large as the receptive fields."""
 
     head_factor: float = key(
-        "learning rate of the fusion layer over that of the networks",
-        least=MIN_FACTOR, most=MAX_FACTOR,
-    )  # fmt: skip
+        "learning rate of the fusion layer over that of the networks, as the paper", "[10, 50]"
+    )
     rotation: float = key("largest random rotation of photos either way", **ROTATION)
     modality_dropout: float = key(
-        "probability that a training sample is classified by one of its senses alone", **SHARE
+        "probability that a training sample is classified by one of its senses alone", "[0, 1]"
     )
 
 
@@ -143,9 +125,9 @@ class SenseConfig:
 class SignalConfig(SenseConfig):
     """HapticNet on spectrograms of traces or sounds."""
 
-    width: float = key("factor on every channel count; 1 is the paper's size", **WIDTH)
+    width: float = key("factor on every channel count; 1 is the paper's size", WIDTH)
     norm: str = key("normalisation of activations; lrn is the paper's", choices=NORMS)
-    dropout: float = key("probability of dropping an input of the 1x1 layers", **PROBABILITY)
+    dropout: float = key("probability of dropping an input of the 1x1 layers", PROBABILITY)
     normalisation: str = key(
         "of spectrograms: logarithms standardised over the training set, or each trace to [0, 1]",
         choices=("standard", "paper"),
@@ -159,8 +141,8 @@ class SignalConfig(SenseConfig):
         "50 mel bands up to half the sampling rate, or the paper's 50 channels up to 1 kHz",
         choices=("mel", "linear"),
     )
-    window_seconds: float = key("length of a frame of the spectrogram", least=0.001, **SECONDS)
-    hop_seconds: float = key("time from frame to frame", least=0.0001, **SECONDS)
+    window_seconds: float = key("length of a frame of the spectrogram", "[0.001, 10]", unit="s")
+    hop_seconds: float = key("time from frame to frame", "[0.0001, 10]", unit="s")
     fit: SignalFitConfig = field(default_factory=SignalFitConfig)
 
 
@@ -169,21 +151,15 @@ class PhotoConfig(SenseConfig):
     """VisualNet on one of several trunks."""
 
     trunk: dict[str, Any] = key(
-        "class of the convolutions before FC1 and its own keys, set by trunk=NAME; it gets width "
-        "and norm",
+        "class of the convolutions before FC1, which gets width and norm, and its own keys",
         factory=dict,
     )
-    width: float = key("factor on every channel count; 1 is the published size", **WIDTH)
-    norm: str = key(
-        "normalisation of activations; none for pretrained trunks without one", choices=NORMS
-    )
-    dropout: float = key("probability of dropping an input of FC2 and FC3", **PROBABILITY)
-    fc1_kernel: int | None = key(
-        "side of FC1's kernel; null is the trunk's, with which 224 pixels give one prediction",
-        least=1, most=64, default=None,
-    )  # fmt: skip
+    width: float = key("factor on every channel count; 1 is the published size", WIDTH)
+    norm: str = key("normalisation of activations; none for pretrained trunks", choices=NORMS)
+    dropout: float = key("probability of dropping an input of FC2 and FC3", PROBABILITY)
+    fc1_kernel: int | None = key("side of FC1's kernel; null: the trunk's", "[1, 64]", default=None)
     head: list[int] = key(
-        "channels of FC1 and FC2 before the width; [] for FC3 alone", least=1, most=16_384
+        "channels of FC1 and FC2 before the width; [] for FC3 alone", "[1, 16384]"
     )
     fit: PhotoFitConfig = field(default_factory=PhotoFitConfig)
 
@@ -200,8 +176,7 @@ class FusionConfig:
     visual_checkpoint: str | None = key("VisualNet to start from; null trains one", default=None)
     sound_checkpoint: str | None = key("sound network; null trains one", default=None)
     head_start: str = key(
-        "first weights of the fusion layer: the sum of all networks' scores, or random ones as "
-        "in the paper",
+        "first weights of the fusion layer: the sum of all scores, or random as in the paper",
         choices=("scores", "random"),
     )
     fit: FusionFitConfig = field(default_factory=FusionFitConfig)
@@ -216,14 +191,10 @@ class ModelConfig:
         "branches: haptic, visual, sound or your own; several are trained one by one, then fused"
     )
     baseline: dict[str, Any] | None = key(
-        "class of a system that is fitted instead of a network, and its own keys, explained in "
-        "its file in conf/model",
+        "class of what is fitted instead of a network, and its keys, see its file in conf/model",
         default=None,
     )
-    budget: float = key(
-        "factor on the steps of a baseline or of a sense of your own; below 1 to try it",
-        above=0, most=1000,
-    )  # fmt: skip
+    budget: float = key("factor on the steps of a baseline or of a sense of your own", "(0, 1000]")
     haptic: SignalConfig = field(default_factory=SignalConfig)
     visual: PhotoConfig = field(default_factory=PhotoConfig)
     sound: SignalConfig = field(default_factory=SignalConfig)

@@ -1,18 +1,16 @@
 """Folders of the user's own parts, searched for configuration files beside the package's.
 
 These are the folder of ``--config-dir`` and the ``conf`` of every installed package that has an
-entry point in the group ``tex_lightning.plugins``. Senses are also found in ``hydra.searchpath``
-and in folders of other plugins of Hydra's.
+entry point in the group ``tex_lightning.plugins``. Senses are also found in ``hydra.searchpath``.
 """
 
 import sys
+from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
 from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
-from hydra._internal.config_search_path_impl import ConfigSearchPathImpl
 from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.plugins import Plugins
 from hydra.plugins.search_path_plugin import SearchPathPlugin
@@ -21,7 +19,7 @@ from tex_lightning.config.model import PACKAGE_SENSES
 from tex_lightning.errors import UserError
 
 ENTRY_POINTS = "tex_lightning.plugins"
-FLAGS = ("--config-dir", "-cd")  # of Hydra
+FLAG = "--config-dir"  # Hydra's
 
 _GIVEN: list[Path] = []  # by --config-dir of this process
 
@@ -45,55 +43,20 @@ def with_own_senses(overrides: Sequence[str]) -> list[str]:
 
     ``model.senses`` may name them then, as it does those of the package.
     """
-    folders = [*_searched_folders(), *_named_folders(overrides)]
+    folders = [*user_folders(), *_named_folders(overrides)]
     names = {file.stem for folder in folders for file in folder.glob("sense/*.yaml")}
     own = sorted(names.difference(PACKAGE_SENSES, ["base"]))  # base is what others begin with
     added = [f"+sense@model.{name}={name}" for name in own]
     return [*overrides, *(each for each in added if each not in overrides)]
 
 
-def repeated_arguments(overrides: Sequence[str], searchpath: Sequence[str]) -> list[str]:
-    """Arguments of another command that finds the same folders and has the same overrides.
-
-    Args:
-        overrides: What was given.
-        searchpath: Further folders that Hydra was given, as ``file://DIR``.
-    """
-    folders = [part for folder in _GIVEN for part in (FLAGS[0], str(folder))]
-    others = [entry for entry in searchpath if Path(entry.removeprefix("file://")) not in _GIVEN]
-    if others:
-        folders.append("hydra.searchpath=[{}]".format(",".join(f'"{entry}"' for entry in others)))
-    return [*folders, *overrides]
-
-
-def _searched_folders() -> Iterator[Path]:
-    """Folders that search-path plugins add, this package's and others."""
-    path = ConfigSearchPathImpl()
-    plugins: Any = Plugins.instance().discover(SearchPathPlugin)
-    for plugin in plugins:
-        plugin().manipulate_search_path(path)
-    for entry in path.get_path():
-        yield from _folder(entry.path)
-
-
 def _named_folders(overrides: Sequence[str]) -> Iterator[Path]:
-    """Folders that ``hydra.searchpath=[…]`` names."""
+    """Folders that ``hydra.searchpath=[file://DIR,…]`` names."""
     for override in overrides:
         key, _, value = override.partition("=")
         if key == "hydra.searchpath":
             for entry in value.strip("[]").split(","):
-                yield from _folder(entry.strip(" '\""))
-
-
-def _folder(entry: str) -> Iterator[Path]:
-    """The folder of ``file://PATH`` or ``pkg://PACKAGE``, if it is there."""
-    scheme, _, place = entry.rpartition("://")
-    if scheme in ("", "file"):
-        yield Path(place)
-    elif scheme == "pkg":
-        package, *inside = place.replace(".", "/").split("/")
-        for home in _homes(package):
-            yield home.joinpath(*inside)
+                yield Path(entry.strip(" '\"").removeprefix("file://"))
 
 
 def _homes(package: str) -> Iterator[Path]:
@@ -114,36 +77,32 @@ def user_folders() -> list[Path]:
     return [*_GIVEN, *(folder for folder in folders if folder.is_dir())]
 
 
-def split_config_dir(arguments: Sequence[str]) -> tuple[str | None, list[str]]:
-    """Split a command line into the folder of ``--config-dir``, "" if none, and the rest."""
-    for place, argument in enumerate(arguments):
-        flag, equals, value = argument.partition("=")
-        if flag in FLAGS:
-            named = value if equals else next(iter(arguments[place + 1 :]), "")
-            return named, [*arguments[:place], *arguments[place + 2 - bool(equals) :]]
-    return None, list(arguments)
-
-
-def use_config_dir(arguments: Sequence[str]) -> None:
+def use_config_dir(arguments: Sequence[str]) -> list[str]:
     """Look for configuration files in the folder that ``--config-dir`` names, if there is one.
 
     The current folder becomes importable with it, as ``python -m`` makes it and an installed
     command does not, and so does the folder around it: classes beside the files are found.
 
+    Returns:
+        The other arguments.
+
     Raises:
         UserError: If there is no such folder.
     """
     _GIVEN.clear()
-    named, _ = split_config_dir(arguments)
-    if named is None:
-        return
-    folder = Path(named).expanduser().resolve()
-    if not named or not folder.is_dir():
+    parser = ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
+    parser.add_argument(FLAG, dest="folder", nargs="?", const="")
+    given, others = parser.parse_known_args(arguments)
+    if given.folder is None:
+        return others
+    folder = Path(given.folder).expanduser().resolve()
+    if not given.folder or not folder.is_dir():
         raise UserError(
-            f"--config-dir={named} is no folder; give the one with your data/NAME.yaml, "
+            f"--config-dir={given.folder} is no folder; give the one with your data/NAME.yaml, "
             "model/NAME.yaml and so on."
         )
     _GIVEN.append(folder)
     for home in dict.fromkeys((Path.cwd(), folder.parent)):
         if str(home) not in sys.path and not (home == Path.cwd() and "" in sys.path):
             sys.path.append(str(home))
+    return others

@@ -1,15 +1,18 @@
-"""Settings of the decision, of running networks and of tasks, and the keys each task reads."""
+"""Settings of the decision, of running networks and of tasks."""
 
 from dataclasses import dataclass
 from typing import Any
 
 from tex_lightning.config.keys import SEED, key
 
-SIDE = {"unit": "pixels", "least": 224, "most": 8192}  # one patch; what the renderer makes
-ROUNDS = {"least": 1, "most": 10_000}
-SHARE = {"least": 0, "most": 1}
-CHANCE = {"least": 0, "below": 1}
-OPTIMIZED_METRICS = ("val_loss", "vote_error")
+SIDE = {"range": "[224, 8192]", "unit": "pixels"}  # one patch; what the renderer makes
+ROUNDS = "[1, 10000]"
+SHARE = "[0, 1]"
+CHANCE = "[0, 1)"
+TASKS = (
+    "fit", "crossval", "evaluate", "enroll", "predict", "stream", "record", "stability",
+    "frontier", "profile", "export", "generate",
+)  # fmt: skip
 READ_FILES = ("predict", "record", "stream")  # tasks that read files, by modality
 TRAINING = ("fit", "crossval")  # tasks that train one model
 SILENT = ("predict", "stream", "record", "generate", "export")  # tasks that leave no results.json
@@ -25,42 +28,33 @@ class DecisionConfig:
         "max_vote counts every fragment, sequential only as many as the label needs",
         choices=("max_vote", "sequential"),
     )
-    pairs: int | None = key(
-        "K, the pairs or tuples that FusionNet votes over", least=1, most=MAX_PAIRS
-    )
+    pairs: int | None = key("pairs or tuples that FusionNet votes over", f"[1, {MAX_PAIRS}]")
     rule: str | None = key(
         "count the fragments' votes, or average their class probabilities or scores",
         choices=("vote", "mean", "score"),
     )
-    seed: int | None = key("seed of the pairs and of the order of windows", least=0, most=SEED)
+    seed: int | None = key("seed of the pairs and of the order of windows", SEED)
     reject_below: float | None = key(
-        "mean class probability below which no label is given; 0 always gives one",
-        default=None, **SHARE,
-    )  # fmt: skip
+        "mean class probability below which no label is given; 0: always one", SHARE, default=None
+    )
     unknown: float | None = key(
-        "share of known recordings that may wrongly be called unknown; materials never seen then "
-        "are called so; 0 calls none",
-        default=None, **CHANCE,
-    )  # fmt: skip
+        "share of known recordings that may wrongly be called unknown, as materials never seen are;"
+        " 0 calls none",
+        CHANCE,
+        default=None,
+    )
     alpha: float = key(
-        "sequential: largest probability that what is left out changes the label; 0 allows none",
-        **CHANCE,
+        "sequential: largest probability that what is left out changes the label", CHANCE
     )
     confidence_threshold: float = key(
-        "sequential: mean probability at which one modality, or the beginning of a trace, decides",
-        **SHARE,
+        "sequential: mean probability at which one modality, or part of a trace, decides", SHARE
     )
-    calibrated: bool = key(
-        "sequential: use the checkpoint's own confidence_threshold, chosen on its validation fold"
-    )
+    calibrated: bool = key("sequential: use the threshold that the checkpoint chose by validation")
     disagreement: float = key(
-        "share of decisions that may differ from the full one when that threshold is chosen",
-        **CHANCE,
+        "share of decisions that may differ from the full one when it is chosen", CHANCE
     )
-    confidence: float = key("confidence of the bound on that share (Clopper-Pearson)", **CHANCE)
-    confidence_thresholds: list[float] = key(
-        "values of confidence_threshold from which the calibrated one is chosen", **SHARE
-    )
+    confidence: float = key("confidence of the bound on that share (Clopper-Pearson)", CHANCE)
+    confidence_thresholds: list[float] = key("thresholds that it is chosen from", SHARE)
 
 
 @dataclass
@@ -74,21 +68,18 @@ class TrainerConfig:
         "kind of device; auto takes the best one available",
         choices=("auto", "cpu", "gpu", "cuda", "mps"),
     )
-    devices: Any = key(
-        "devices of each machine that train one network together: a number, or auto for all GPUs",
-        least=1, most=64,
-    )  # fmt: skip
-    num_nodes: int = key("machines that srun or torchrun starts together", least=1, most=1024)
+    devices: Any = key("devices of each machine that train together, or auto", "[1, 64]")
+    num_nodes: int = key("machines that srun or torchrun starts together", "[1, 1024]")
     strategy: Any = key("how devices train together: a name that Lightning knows, or a _target_")
     precision: str = key(
         "precision of training", choices=("32-true", "16-mixed", "bf16-mixed", "64-true")
     )
     tf32: bool = key("on NVIDIA GPUs, round the factors of fp32 products to 10 bits: faster")
     threads: int | None = key(
-        "threads of PyTorch on the CPU; null takes one for task=stream, and PyTorch's own number "
-        "for the others",
-        least=1, most=1024, default=None,
-    )  # fmt: skip
+        "threads of PyTorch on the CPU; null is its own number, one for task=stream",
+        "[1, 1024]",
+        default=None,
+    )
 
     @property
     def flags(self) -> dict[str, Any]:
@@ -101,16 +92,14 @@ class EngineConfig:
     """How a trained network is run in testing and prediction; its weights do not change."""
 
     fold_batch_norm: bool = key("merge batch normalisation into the convolution before it")
-    fast_response_norm: bool = key(
-        "compute local response normalisation in a form that stays in the cache"
-    )
+    fast_response_norm: bool = key("compute local response normalisation within the cache")
     fast_spectrogram: bool = key("on the CPU, compute spectrograms in blocks that fit its cache")
     channels_last: bool = key("store weights with the channels innermost, as decoded photos are")
     tile: int | None = key(
         "most pixels, or frames times 50 channels, that go through a network at once, but at least "
         "twice its receptive field each way; null never divides",
-        least=100_000, most=1_000_000_000_000,  # smaller pieces are nearly all margin
-    )  # fmt: skip
+        "[100000, 1000000000000]",  # smaller pieces are nearly all margin
+    )
 
 
 @dataclass
@@ -142,17 +131,17 @@ class PredictConfig:
 class StreamConfig:
     """Classification while a recording goes on."""
 
-    chunk: float = key("signal between two votes", unit="s", above=0, most=3600)
+    chunk: float = key("signal between two votes", "(0, 3600]", unit="s")
     window: float | None = key(
-        "length of the last part of the signal, which alone votes; null takes the whole recording",
-        unit="s", least=0.5, most=600, default=None,
-    )  # fmt: skip
-    contact: float = key(
-        "with a window: level below which nothing is touched, as a share of that of the quietest "
-        "training recordings",
-        **SHARE,
+        "last part of the signal, which alone votes; null: all",
+        "[0.5, 600]",
+        unit="s",
+        default=None,
     )
-    axes: int = key("axes of the samples on standard input (haptic=-)", least=1, most=64)
+    contact: float = key(
+        "level of no contact, as a share of that of the quietest training recordings", SHARE
+    )
+    axes: int = key("axes of the samples on standard input (haptic=-)", "[1, 64]")
 
 
 @dataclass
@@ -167,15 +156,14 @@ class GenerateConfig:
 class ProfileConfig:
     """Inputs and time limits of the profile."""
 
-    classes: int = key("classes of a network without a checkpoint", least=2, most=100_000)
-    seconds: float = key("length of the rendered trace", unit="s", least=3, most=600)
+    classes: int = key("classes of a network without a checkpoint", "[2, 100000]")
+    seconds: float = key("length of the rendered trace", "[3, 600]", unit="s")
     width: int = key("width of the rendered photo after halving", **SIDE)
     height: int = key("height of that photo", **SIDE)
-    rounds: int = key("most rounds of timing; each times every way of classifying", **ROUNDS)
+    rounds: int = key("most rounds of timing; each times every way of classifying", ROUNDS)
     budget_s: float = key(
-        "time for a network after which no new round begins, except the first three",
-        unit="s", above=0, most=86_400,
-    )  # fmt: skip
+        "time after which no fourth or later round begins", "(0, 86400]", unit="s"
+    )
 
 
 @dataclass
@@ -190,17 +178,14 @@ class FrontierConfig:
         default=None,
     )
     only: list[str] | None = key("some of the systems by name; null runs all", default=None)
-    rounds: int = key("rounds of timing; each times every system", **ROUNDS)
+    rounds: int = key("rounds of timing; each times every system", ROUNDS)
 
 
 @dataclass
 class StabilityConfig:
     """Systems and perturbations that are tested, and how thoroughly."""
 
-    systems: list[str] | None = key(
-        "run folders or checkpoints",
-        default=None,
-    )
+    systems: list[str] | None = key("run folders or checkpoints", default=None)
     only: list[str] | None = key(
         "perturbations by name, e.g. [white_noise,jpeg]; null takes all", default=None
     )
@@ -221,39 +206,9 @@ class ExportConfig:
         choices=("onnx", "web", "card"),
     )
     check: int = key(
-        "recordings of data=NAME on which labels and scores are compared before the file is "
-        "written; with data=synthetic, noise of as many sizes",
-        least=0, most=100_000,
-    )  # fmt: skip
+        "recordings of data=NAME, with data=synthetic noise, on which the file is compared",
+        "[0, 100000]",
+    )
     web_runtime: str | None = key(
         "format=web: .tgz of the npm package onnxruntime-web; null fetches it once", default=None
     )
-
-
-# The keys and sections that each task reads.
-_DEVICE = ("trainer.accelerator", "trainer.tf32", "trainer.threads")
-_TRAINING = (
-    "seed", "trusted", "weights", "data", "model", "decision", "engine", "trainer", "callbacks",
-    "logger",
-)  # fmt: skip
-_TRAINED = ("checkpoint", "trusted", "engine", *_DEVICE)
-_FILES = ("haptic", "image", "sound")
-_UNKNOWN = ("decision.reject_below", "decision.unknown")
-_VOTE = ("decision.pairs", "decision.rule", "decision.seed", *_UNKNOWN)
-READS = {
-    "fit": (*_TRAINING, "optimized_metric", "explained_samples"),
-    "crossval": (*_TRAINING, "crossval", "optimized_metric"),
-    "evaluate": (*_TRAINED, "seed", "data", "decision", "explained_samples", "logger"),
-    "enroll": (*_TRAINED, "seed", "data", "decision", "enroll"),
-    "predict": (*_TRAINED, *_FILES, "own", "data.file_rate", "top_k", "predict", "decision"),
-    "stream": (*_TRAINED, *_FILES, "own", "data.file_rate", "stream", *_VOTE),
-    "record": (*_FILES, "record"),
-    "stability": ("stability", "trusted", "seed", "data", "engine", *_DEVICE),
-    "frontier": (*_TRAINING, "crossval.only", "frontier"),
-    "profile": (
-        *_TRAINED, "seed", "profile", "model", "data.sampling_rate", "data.half_scale",
-        "data.resize",
-    ),
-    "export": (*_TRAINED, "seed", "export", "data", *_VOTE),
-    "generate": ("generate", "data.classes", "data.synthetic"),
-}  # fmt: skip

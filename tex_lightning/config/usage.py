@@ -1,4 +1,4 @@
-"""The texts of ``--help`` and ``--version``: the commands, and the keys that a task reads."""
+"""The texts of ``--help`` and ``--version``: the commands and the keys."""
 
 import json
 import textwrap
@@ -7,16 +7,15 @@ from collections.abc import Iterator, Sequence
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning import __version__
-from tex_lightning.config import CONF, READS, Config
-from tex_lightning.config.composition import compose_config, keys_read
-from tex_lightning.config.keys import Key, plain, walk
+from tex_lightning.config import CONF, TASKS, Config
+from tex_lightning.config.composition import compose_config
+from tex_lightning.config.keys import plain, walk
+from tex_lightning.config.model import FUSION, PACKAGE_SENSES
 from tex_lightning.config.search import user_folders
 
 WIDTH = 79
 ALL = "--help=all"
 FLAGS = ("-h", "--help", "--version", ALL)
-PARTS = {"sense": "model", "trunk": "model"}  # groups that fill in a section of another name
-EVERYWHERE = ("task", "experiment", "debug")  # groups that go with any task
 
 COMMANDS = """\
 tex_lightning: which material is it? It classifies surfaces from a tool's
@@ -41,7 +40,7 @@ Tasks:
 {tasks}
 
 More to read:
-  task=NAME --help   keys that a task reads: meaning, range, value
+  task=NAME --help   keys without those of other tasks: meaning, range, value
   --help=all         all groups with their options, and all keys
   --cfg job          the configuration that a command line composes
   --hydra-help       flags of Hydra; --version is that of tex_lightning
@@ -66,17 +65,23 @@ def answer(arguments: Sequence[str]) -> str:
     if "--version" in arguments:
         return f"tex_lightning {__version__}"
     overrides = [item for item in arguments if "=" in item and not item.startswith("-")]
-    if ALL in arguments:
-        return _listing(compose_config(CONF, overrides), dict(walk(Config)))
-    if not any(item.startswith("task=") for item in overrides):
+    if not any(item.startswith((ALL, "task=")) for item in arguments):
         return COMMANDS.format(tasks="\n".join(_tasks()))
-    config = compose_config(CONF, overrides)
-    return _listing(config, keys_read(config))
+    config = compose_config(overrides)
+    return _listing(config, () if ALL in arguments else _unread(config))
+
+
+def _unread(config: DictConfig) -> tuple[str, ...]:
+    """Return the sections of other tasks and models, as beginnings of keys."""
+    senses = () if config.model.baseline else config.model.senses
+    models = {*PACKAGE_SENSES, FUSION}.difference(senses, [FUSION] * (len(senses) > 1))
+    others = {*TASKS}.difference([config.task])
+    return tuple(f"{section}." for section in (*others, *(f"model.{name}" for name in models)))
 
 
 def _tasks() -> Iterator[str]:
     """A line for each task: the first sentence of the comment in its file."""
-    for task in READS:
+    for task in TASKS:
         text = (CONF / "task" / f"{task}.yaml").read_text(encoding="utf-8")
         comments = [line[2:] for line in text.splitlines() if line.startswith("# ")]
         said = " ".join(line for line in comments if not line.startswith("@"))
@@ -96,22 +101,22 @@ def config_groups() -> dict[str, list[str]]:
     return groups
 
 
-def _listing(config: DictConfig, keys: dict[str, Key]) -> str:
+def _listing(config: DictConfig, unread: tuple[str, ...]) -> str:
     """Groups and keys with their values, sections apart."""
-    sections = {name.partition(".")[0] for name in keys} | {*EVERYWHERE}
     lines = ["Groups and their options (group=option):", ""]
     for group, options in config_groups().items():
-        if PARTS.get(group, group) in sections:
-            lines += _wrapped(" | ".join(options), f"  {group}=", "      ")
+        lines += _wrapped(" | ".join(options), f"  {group}=", "      ")
     lines += ["", "Keys and their values (change any by key=value):"]
     before = None
-    for name, key in keys.items():
+    for name, key in walk(Config):
+        if name.startswith(unread):
+            continue
         section = name.rpartition(".")[0]
         lines += [""] * (section != before)
         before = section
         lines.append(textwrap.shorten(f"{name}={_value(config, name)}", WIDTH, placeholder=" ..."))
-        said = ", ".join(filter(None, [key.unit, " | ".join(map(str, key.choices)), key.range]))
-        lines += _wrapped(key.meaning + (f" [{said}]" if said else ""), "    ", "    ")
+        allowed = " ".join(filter(None, [" | ".join(map(str, key.choices)), key.range, key.unit]))
+        lines += _wrapped(": ".join(filter(None, [key.meaning, allowed])), "    ", "    ")
     return "\n".join(lines)
 
 

@@ -66,27 +66,11 @@ class Screen:
 
 
 @contextmanager
-def fresh_screen() -> Iterator[None]:
-    """Begin as a new process does, and leave it so."""
-    _reset()
-    try:
-        with warnings.catch_warnings():
-            warnings.showwarning = _warn
-            yield
-    finally:
-        _reset()
-
-
-def _reset() -> None:
-    Screen.verbose, Screen.job, Screen.sweep, Screen.logged = NORMAL, "", False, set()
-
-
-@contextmanager
 def verbosity(verbose: int) -> Iterator[None]:
     """Show that much, as long as this lasts."""
     logger, before = logging.getLogger("tex_lightning"), Screen.verbose
     level = logger.level
-    Screen.verbose = verbose
+    Screen.verbose, Screen.logged = verbose, set()
     if verbose >= DEBUG:
         logger.setLevel(logging.DEBUG)
     try:
@@ -101,12 +85,7 @@ def verbosity(verbose: int) -> Iterator[None]:
 
 
 def _warn(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    *_: object,
-    **__: object,
+    message: object, category: object, filename: str, lineno: int, *_: object, **__: object
 ) -> None:
     """Log what libraries warn of in one line, and of warnings that are alike the first."""
     text = " ".join(str(message).split())
@@ -126,12 +105,6 @@ def is_interactive() -> bool:
     return alone and console.is_interactive and console.file.isatty()
 
 
-def tell(text: str) -> None:
-    """Print what is no result, word for word, unless the user wants results only."""
-    if Screen.verbose > QUIET:
-        _write(text, wraps=False)
-
-
 def log_once(logger: logging.Logger, text: str) -> None:
     """Log what is the same for every fold, such as where weights are from, at the first of them."""
     if text not in Screen.logged:
@@ -139,12 +112,8 @@ def log_once(logger: logging.Logger, text: str) -> None:
         logger.info("%s", text)
 
 
-def say(text: str, *, wraps: bool = True) -> None:
+def say(text: str, style: str = "", *, wraps: bool = True) -> None:
     """Print a sentence that is read whatever ``verbose`` is; a command to copy does not wrap."""
-    _write(text, wraps=wraps)
-
-
-def _write(text: str, style: str = "", *, wraps: bool) -> None:
     wraps = wraps and console.is_terminal
     console.print(Text(printable_lines(text), style), soft_wrap=not wraps)
 
@@ -169,7 +138,7 @@ class ConsoleHandler(logging.Handler):
         text = self.format(record) + ("" if own else f" ({record.name})")
         # several lines of others are a table, as Lightning's of the layers
         wraps = not record.exc_info and (own or "\n" not in text)
-        _write(text, STYLES.get(record.levelno, ""), wraps=wraps)
+        say(text, STYLES.get(record.levelno, ""), wraps=wraps)
 
 
 CLOSED_PIPE = 141  # what a shell reports of a program that SIGPIPE ended

@@ -7,7 +7,6 @@ import importlib
 import pkgutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import TracebackType
 from typing import Any
 
 from tex_lightning.errors import UserError, reason
@@ -125,15 +124,15 @@ def note(error: Exception, key: str, kind: str, part: object) -> None:
 
 
 def _note(error: Exception, said: str) -> None:
-    if not hasattr(error, FAULT):
+    if fault_of(error) is None:
         error.add_note(said)
-        setattr(error, FAULT, (said, error.__traceback__))
+        setattr(error, FAULT, said)
 
 
-def fault_of(error: BaseException) -> tuple[str, TracebackType | None] | None:
-    """Return what is noted on an error, and its traceback from there on."""
-    found: tuple[str, TracebackType | None] | None = getattr(error, FAULT, None)
-    return found
+def fault_of(error: BaseException) -> str | None:
+    """Return what is noted on an error."""
+    said: str | None = getattr(error, FAULT, None)
+    return said
 
 
 def breach(key: str, kind: str, part: object, why: str) -> UserError:

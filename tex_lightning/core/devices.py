@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING
 import torch
 
 from tex_lightning.core.ranks import started_processes
-from tex_lightning.errors import UserError, shorten
+from tex_lightning.errors import UserError
 
 if TYPE_CHECKING:
     from tex_lightning.config import TrainerConfig
+
+TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # what glibc's malloc.h calls M_...
+LARGEST, KEPT = 1 << 25, 1 << 30  # bytes: of a piece, in many versions, and in all
 
 
 def pick_device(accelerator: str) -> torch.device:
@@ -42,47 +45,23 @@ def use_tf32(allowed: bool) -> None:
 
 
 def count_processes(trainer: "TrainerConfig") -> int:
-    """How many processes train one network together, on all nodes.
+    """Count the processes that train one network together, on all nodes.
+
+    Whether there are so many devices is Lightning's to say.
 
     Raises:
-        UserError: If there are not so many devices, or another number has been started.
+        UserError: If nothing has started the processes of the other nodes.
     """
-    wanted = _count_devices(trainer.accelerator, trainer.devices) * trainer.num_nodes
-    started = started_processes()
-    if started is not None and started != wanted:
-        raise UserError(
-            f"{started} processes were started, but the trainer wants {wanted}; make "
-            "trainer.devices times trainer.num_nodes equal to their number, as in trainer=ddp "
-            f"trainer.devices={started}."
-        )
-    if started is None and trainer.num_nodes > 1:
+    if trainer.num_nodes > 1 and started_processes() is None:
         raise UserError(
             f"trainer.num_nodes is {trainer.num_nodes}, but nothing started a process on every "
             "node; start the command with srun or torchrun."
         )
-    return wanted
-
-
-def _count_devices(accelerator: str, asked: object) -> int:
-    """How many devices of this machine are used; on the CPU a device is a process."""
-    kind = pick_device(accelerator).type
-    there = torch.cuda.device_count() if kind == "cuda" else 1
-    if asked in ("auto", -1, "-1"):
-        if kind == "cpu":
-            raise UserError(
-                "trainer.devices is auto, which takes every GPU, but this run has none; give "
-                "trainer.devices=2 to train in two processes on the CPU."
-            )
-        return there
-    numbers = asked if isinstance(asked, list) else [asked]
-    if not numbers or not all(str(number).isdecimal() for number in numbers):
-        raise UserError(
-            f"trainer.devices is {shorten(repr(asked))}; give a number, a list or auto."
-        )
-    count = len(asked) if isinstance(asked, list) else int(str(asked))
-    if kind != "cpu" and count > there:
-        raise UserError(f"trainer.devices is {count}, but there are {there}; choose fewer.")
-    return count
+    devices = trainer.devices
+    if devices == "auto":
+        cuda = pick_device(trainer.accelerator).type == "cuda"
+        devices = torch.cuda.device_count() if cuda else 1
+    return trainer.num_nodes * int(devices)
 
 
 def synchronise(device: torch.device) -> None:
@@ -93,11 +72,6 @@ def synchronise(device: torch.device) -> None:
         torch.mps.synchronize()
 
 
-TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # what glibc's malloc.h calls M_...
-LARGE = 1 << 30  # bytes; hardly a tensor on a CPU comes near
-GROWN = 1 << 25  # to which glibc lets its own threshold grow, and many versions no further
-
-
 def keep_memory() -> None:
     """Keep the freed memory of CPU tensors for the next ones, in this process from now on.
 
@@ -106,8 +80,8 @@ def keep_memory() -> None:
     """
     if platform.libc_ver()[0] == "glibc":
         libc = ctypes.CDLL(None)
-        libc.mallopt(MMAP_THRESHOLD, LARGE) or libc.mallopt(MMAP_THRESHOLD, GROWN)
-        libc.mallopt(TRIM_THRESHOLD, LARGE)
+        libc.mallopt(MMAP_THRESHOLD, LARGEST)
+        libc.mallopt(TRIM_THRESHOLD, KEPT)
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from typing import ClassVar, TypeVar
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Column
 
-from tex_lightning.core.console import QUIET, Screen, console, is_interactive, tell
+from tex_lightning.core.console import QUIET, Screen, console, is_interactive
 from tex_lightning.text import printable
 
 Item = TypeVar("Item")
@@ -86,9 +86,7 @@ def _log_progress() -> None:
     due = time.monotonic() - Stage.told >= TOLD and Screen.verbose > QUIET
     if due and Stage.bars.disable:
         Stage.told = time.monotonic()
-        line = f"{'; '.join(level.label for level in Stage.levels)}."
-        # a notebook seldom configures logging
-        log.info("%s", line) if log.hasHandlers() else tell(line)
+        log.info("%s.", "; ".join(level.label for level in Stage.levels))
 
 
 @contextmanager
@@ -101,19 +99,11 @@ def stage(title: str, total: int | None, done: float = 0) -> Iterator[Stage]:
         level.end()
 
 
-def steps(items: Sequence[Item], title: str | Callable[[Item], str]) -> Iterator[Item]:
+def track(items: Iterable[Item], title: str | Callable[[Item], str]) -> Iterator[Item]:
     """Yield items behind a bar that says what they are, or the name of each."""
-    with stage("", len(items)) as level:
+    with stage("", len(items) if isinstance(items, Sized) else None) as level:
         for number, item in enumerate(items):
             level.update(number, title=title if isinstance(title, str) else title(item))
-            yield item
-
-
-def track(items: Iterable[Item], title: str) -> Iterator[Item]:
-    """Yield items behind a bar."""
-    with stage(title, len(items) if isinstance(items, Sized) else None) as level:
-        for number, item in enumerate(items):
-            level.update(number)
             yield item
 
 

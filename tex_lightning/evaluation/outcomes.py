@@ -97,19 +97,15 @@ def worst_samples(outcomes: Sequence[Outcome], count: int) -> list[int]:
     return sorted(range(len(outcomes)), key=confidence.__getitem__)[: min(count, 1)]
 
 
-def optimized_value(results: dict[str, Any], metric: str | None) -> float:
-    """Choose the value that a search minimises.
+def optimized_value(results: dict[str, Any]) -> float:
+    """Return what a search minimises: the validation loss, without one the error of the test.
 
     Args:
         results: Results of a training; its last network is the one that was asked for.
-        metric: ``val_loss``, the lowest loss on the validation fold; ``vote_error``, the share of
-            wrong votes in the test; None takes the first where there is one.
     """
     *_, network = results["networks"].values()
     loss: float | None = network.get("val_loss")
-    if loss is None or metric == "vote_error":
-        return float(1 - network["vote_accuracy"])
-    return loss
+    return float(1 - network["vote_accuracy"]) if loss is None else loss
 
 
 def wilson_interval(correct: int, count: int) -> list[float]:

@@ -12,12 +12,11 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.vote import Vote
-from tex_lightning.config import CONF, Config
+from tex_lightning.config import Config
 from tex_lightning.config.check import check_config
-from tex_lightning.config.composition import compose_config
+from tex_lightning.config.composition import compose_config, read_config
 from tex_lightning.config.instantiation import trust
 from tex_lightning.config.mistakes import MISTAKES, explain
-from tex_lightning.config.weights import read_config
 from tex_lightning.core.devices import pick_device, synchronise, use_tf32
 from tex_lightning.core.run_folder import find_checkpoint
 from tex_lightning.data.quality import Quality, together
@@ -62,7 +61,7 @@ def load(path: str | Path, *overrides: str, trusted: Sequence[str] = ()) -> "Pre
 def _compose(path: str | Path, overrides: tuple[str, ...]) -> Config:
     """Compose the configuration as the command line does."""
     try:
-        composed = compose_config(CONF, [f"task={TASK}", *overrides])
+        composed = compose_config([f"task={TASK}", *overrides])
     except MISTAKES as error:
         raise explain(error) from error
     composed.checkpoint = str(path)

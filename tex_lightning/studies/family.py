@@ -17,9 +17,8 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.config.check import check_config
-from tex_lightning.config.composition import Job
+from tex_lightning.config.composition import Job, read_config
 from tex_lightning.config.instantiation import INSTALL, missing_library, named_classes, trust
-from tex_lightning.config.weights import read_config
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import read_record
 from tex_lightning.core.progress import stage

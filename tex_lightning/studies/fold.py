@@ -17,7 +17,7 @@ from tex_lightning.config.model import FUSION
 from tex_lightning.core.console import log_once
 from tex_lightning.core.contract import calling
 from tex_lightning.core.devices import pick_device
-from tex_lightning.core.progress import steps
+from tex_lightning.core.progress import track
 from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.recordings import class_indices
@@ -146,7 +146,7 @@ def fit_fold(
         given = model.checkpoints.items()
         unimodal = {name: given_start(dataset, name, Path(path)) for name, path in given}
     test = partial(_test_network, dataset, parts, directory, draw=draw)
-    for name in steps(model.trained, str):
+    for name in track(model.trained, str):
         whole = name == model.kind
         senses = model.senses if whole else [name]
         starts = {sense: unimodal[sense] for sense in senses if whole and sense in unimodal}

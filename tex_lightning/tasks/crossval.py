@@ -12,7 +12,7 @@ from typing import Any
 from tex_lightning.config import Config, plain_values
 from tex_lightning.config.composition import Job
 from tex_lightning.core.files import read_record
-from tex_lightning.core.progress import steps
+from tex_lightning.core.progress import track
 from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.evaluation.conditions import pool_conditions
 from tex_lightning.evaluation.novelty import pool_unknown
@@ -36,7 +36,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         dataset.on_fold(fold).parts()
     done = {fold: _finished_fold(home) for fold, home in homes.items()}
     left = [fold for fold, results in done.items() if results is None]
-    fresh = {fold: _run_fold(dataset.on_fold(fold), homes[fold]) for fold in steps(left, "fold")}
+    fresh = {fold: _run_fold(dataset.on_fold(fold), homes[fold]) for fold in track(left, "fold")}
     if not is_rank_zero():
         return {}
     folds = {homes[fold]: done[fold] or fresh[fold] for fold in chosen}

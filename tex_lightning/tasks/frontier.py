@@ -4,7 +4,6 @@ Each tested fold has a partner that is left out of training with it. The system 
 all votes; how well such a choice does is measured on each fold by the choice on its partner.
 """
 
-import shlex
 import time
 from collections.abc import Mapping, Sequence
 from statistics import fmean
@@ -12,7 +11,6 @@ from typing import Any
 
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
-from tex_lightning.config.search import repeated_arguments
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import write_rows
 from tex_lightning.evaluation.comparison import (
@@ -27,6 +25,7 @@ from tex_lightning.report.frontier_chart import (
     frontier_figure,
     print_frontier,
 )
+from tex_lightning.report.table import folder_flags, python_command
 from tex_lightning.studies.family import (
     System,
     compose_family,
@@ -149,5 +148,4 @@ def _rows(systems: Sequence[System], chosen: System) -> list[dict[str, Any]]:
 def _command(job: Job, overrides: Sequence[str]) -> str:
     """Return the command that trains a system on the user's data."""
     ordered = sorted(with_system(job, overrides), key=lambda item: not item.startswith("model="))
-    arguments = repeated_arguments(ordered, job.searchpath)
-    return shlex.join(["python", "-m", "tex_lightning", *arguments])
+    return python_command(*folder_flags(job.hydra), *job.searchpath, *ordered)

@@ -13,7 +13,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.devices import pick_device
-from tex_lightning.core.progress import steps
+from tex_lightning.core.progress import track
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import RANDOM, environment, write_results
 from tex_lightning.report.table import make_table, print_tables
@@ -48,7 +48,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     """
     begin, device = time.perf_counter(), pick_device(config.trainer.accelerator)
     networks: dict[str, Any] = {}
-    for classifier in steps(_classifiers(config), lambda each: f"timing {each.card.title}"):
+    for classifier in track(_classifiers(config), lambda each: f"timing {each.card.title}"):
         name = classifier.card.kind
         log.info("Profiling the %s network.", name)
         classifier.eval().to(device)
