@@ -169,6 +169,7 @@ def _task_rules(config: Config) -> Iterator[Rule]:
             f"{key} is read by {', '.join(f'task={name}' for name in tasks)} alone, not by "
             f"task={task}: leave it out",
         )
+    yield config.frontier.senses == [], "frontier.senses names nothing: leave it null"
     yield (
         task == "profile" and config.checkpoint is None and baseline is not None,
         f"task=profile measures networks, and model={model.name} is none: time it by task=frontier",
