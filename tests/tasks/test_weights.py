@@ -12,7 +12,7 @@ from tex_lightning.config.check import check_config
 from tex_lightning.config.composition import compose_config, read_config
 from tex_lightning.errors import UserError
 
-SOURCES = "{alexnet_caffe:a.caffemodel,vgg_m:v.mat,efficientnet_lite0:imagenet}"
+SOURCES = "{alexnet_caffe:a.caffemodel,vgg_m:v.caffemodel,efficientnet_lite0:imagenet}"
 
 
 def config(model: str, weights: str) -> Config:
