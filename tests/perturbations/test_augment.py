@@ -12,7 +12,7 @@ PHOTO = np.random.default_rng(1).integers(0, 256, (60, 80, 3), dtype=np.uint8)
 def test_what_is_held_out_cannot_be_trained_on():
     names = {*trainable("haptic"), *trainable("image"), *trainable("sound")}
     assert {"white_noise", "jpeg", "sound_low_pass"} <= names
-    assert trainable("thermal", "photo") == ()
+    assert trainable("thermal") == ()
     left = [kind for name, kind in perturbations().items() if name not in names]
     assert all(kind.held_out or kind.modality == "both" for kind in left)
 
@@ -39,18 +39,3 @@ def test_a_share_is_changed_by_every_kind_alike():
     assert 70 < darker < 130
     never = replace(augmentation, share=0.0)
     assert never(PHOTO, np.random.default_rng(0)) is PHOTO
-
-
-def test_signals_of_any_sensor_have_the_generic_ones():
-    names = trainable("force")
-    assert {"force_white_noise", "force_clipping", "force_silent"} <= {*names}
-    assert not {"force_low_pass", "force_stroke_velocity", "force_mains_hum"} & {*names}
-    for name in names:
-        noise = Augmentation.of([name], rate=10_000.0, modality="force")
-        assert noise(TRACE, np.random.default_rng(1)).dtype == np.float32
-    (noisy, plain) = (
-        Augmentation.of([name], rate=10_000.0, modality=modality)(TRACE, np.random.default_rng(3))
-        for name, modality in (("force_white_noise", "force"), ("white_noise", "haptic"))
-    )
-    assert np.array_equal(noisy, plain)
-    assert not np.array_equal(noisy, TRACE)

@@ -10,7 +10,7 @@ from operator import attrgetter
 
 from tex_lightning.config import READ_FILES, Config, ModelConfig, trunk_name
 from tex_lightning.config.keys import beyond, choice, walk
-from tex_lightning.config.model import CHECKPOINT, SignalFitConfig
+from tex_lightning.config.model import CHECKPOINT
 from tex_lightning.config.tasks import TRAINING
 from tex_lightning.errors import UserError, shorten
 
@@ -229,12 +229,11 @@ def _unknown_names(config: Config) -> Iterator[str]:
         yield from choice("frontier.senses", sense, model.known)
     for name in model.known:
         node = model.sense(name)
-        medium = "signal" if isinstance(node.fit, SignalFitConfig) else "photo"
         for perturbation in node.fit.perturb:
             # loads OpenCV, which predictions do without
             from tex_lightning.perturbations.table import trainable
 
-            known = trainable(node.modality, medium)
+            known = trainable(node.modality)
             yield from choice(f"model.{name}.fit.perturb", perturbation, known)
 
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, Self
@@ -36,7 +36,6 @@ class Perturbation:
         levels: Values of severity 0 (nearly harmless) to 5.
         log: Whether the scale between levels is even in logarithms.
         held_out: Whether it is kept from training.
-        generic: Whether signals of any sensor have it.
         function: Dotted path of a user's, or name of the package's; None where that is ``name``.
     """
 
@@ -46,7 +45,6 @@ class Perturbation:
     levels: tuple[float, ...]
     log: bool = False
     held_out: bool = False
-    generic: bool = False
     function: str | None = None
 
     @property
@@ -94,26 +92,8 @@ class Perturbation:
 
 @cache
 def perturbations() -> dict[str, Perturbation]:
-    """All of them by name, modality by modality, those of :data:`BOTH` last."""
+    """Return all perturbations by name, modality by modality, those of :data:`BOTH` last."""
     return _read(SCALES)
-
-
-@cache
-def signal_perturbations(modality: str) -> dict[str, Perturbation]:
-    """Perturbations of signals that the package does not know, by MODALITY_NAME; none of others.
-
-    They are the generic ones of traces, and what becomes of a modality that others hit.
-    """
-    known = perturbations()
-    if modality in {kind.modality for kind in known.values()}:
-        return {}
-    copies = {f"{modality}_{becomes}": known[f"haptic_{becomes}"] for becomes in (MISSING, SWAPPED)}
-    for kind in known.values():
-        if kind.generic:
-            function = kind.function or kind.name
-            name = f"{modality}_{kind.name.removeprefix('haptic_')}"
-            copies[name] = replace(kind, modality=modality, function=function)
-    return {name: replace(kind, name=name) for name, kind in copies.items()}
 
 
 def read_severities(path: str | Path) -> dict[str, Perturbation]:
@@ -206,15 +186,12 @@ class Augmentation:
     rate: float = 0.0
 
     @classmethod
-    def of(
-        cls, names: Sequence[str], share: float = 1.0, rate: float = 0.0, modality: str = ""
-    ) -> Self | None:
-        """The named ones of the package, or of a modality of the user's; None without names."""
-        known = {**perturbations(), **signal_perturbations(modality)}
-        return cls(tuple(known[name] for name in names), share, rate) if names else None
+    def of(cls, names: Sequence[str], share: float = 1.0, rate: float = 0.0) -> Self | None:
+        """Return the augmentation by the named perturbations of the package; None without names."""
+        return cls(tuple(perturbations()[name] for name in names), share, rate) if names else None
 
     def __call__(self, recording: Array, rng: np.random.Generator) -> Array:
-        """The recording as it is, or perturbed, which may change its size."""
+        """Return the recording as it is, or perturbed, which may change its size."""
         if rng.random() >= self.share:
             return recording
         kind = self.kinds[int(rng.integers(len(self.kinds)))]
@@ -222,11 +199,10 @@ class Augmentation:
         return kind.apply(recording, severity, Scene(rng, self.rate))
 
 
-def trainable(modality: str, medium: str = "signal") -> tuple[str, ...]:
-    """Names of those that may be trained on: those not held out."""
-    generic = signal_perturbations(modality) if medium == "signal" else {}
+def trainable(modality: str) -> tuple[str, ...]:
+    """Return the names of the perturbations that may be trained on: those not held out."""
     return tuple(
         name
-        for name, kind in {**perturbations(), **generic}.items()
+        for name, kind in perturbations().items()
         if kind.modality == modality and not kind.held_out
     )

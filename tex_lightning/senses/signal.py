@@ -129,9 +129,7 @@ class SignalSense(Sense):
         self, rows: Sequence[Recording], store: Store, fit: Mapping[str, Any], seed: int
     ) -> Iterator[Tensor]:
         """Yield features of all signals perturbed; each copy and recording has its seed."""
-        augmentation = Augmentation.of(
-            fit["perturb"], rate=self.decoder.sampling_rate, modality=self.modality
-        )
+        augmentation = Augmentation.of(fit["perturb"], rate=self.decoder.sampling_rate)
         if augmentation is None:
             return
         for copy in range(fit["perturbed_copies"]):

@@ -24,7 +24,6 @@ from tex_lightning.perturbations.table import (
     Perturbation,
     perturbations,
     read_severities,
-    signal_perturbations,
 )
 from tex_lightning.studies.dataset import open_test_data, show_opening
 from tex_lightning.studies.perturbed import PerturbedDataset, PerturbedSystem, SystemFold
@@ -68,10 +67,6 @@ def choose_perturbations(
         UserError: If a name is unknown, no system meets any, or a table cannot be used.
     """
     known = dict(perturbations())
-    for system in systems:
-        for sense in system.folds[0].classifier.senses.values():
-            if sense.medium == "signal":
-                known |= signal_perturbations(sense.modality)
     for path in settings.severities:
         known |= read_severities(path)
     for name in settings.only or ():
