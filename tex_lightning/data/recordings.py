@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -150,7 +150,7 @@ class Recordings:
     """
 
     rows: tuple[Recording, ...]
-    notes: tuple["Note", ...] = field(default=(), compare=False)
+    notes: tuple[str, ...] = field(default=(), compare=False)
 
     def __iter__(self) -> Iterator[Recording]:
         return iter(self.rows)
@@ -181,18 +181,6 @@ class Recordings:
         return replace(self, rows=tuple(row for row in self.rows if keep(row)))
 
 
-class Note(NamedTuple):
-    """Something in the data that was not read, or was read in another form.
-
-    Attributes:
-        text: A sentence for a warning.
-        modality: The modality that it concerns; None is all.
-    """
-
-    text: str
-    modality: str | None = None
-
-
 def class_indices(labels: Iterable[str], classes: Sequence[str]) -> list[int]:
     """Return the index of each label among the classes."""
     index = {name: number for number, name in enumerate(classes)}
@@ -217,16 +205,6 @@ def natural_key(text: str) -> tuple[list[tuple[int, int, str]], str]:
         if part
     ]
     return parts, text
-
-
-def number_files(
-    label: str, modality: str, files: Iterable[Path], sampling_rate: float | None = None
-) -> list[Recording]:
-    """Make recordings of one class, grouped by their place in the natural order of names."""
-    ordered = sorted(files, key=lambda path: natural_key(path.name))
-    return [
-        Recording(label, modality, path, group, sampling_rate) for group, path in enumerate(ordered)
-    ]
 
 
 def read_manifest(path: Path) -> Recordings:

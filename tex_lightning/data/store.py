@@ -24,7 +24,7 @@ from torch import Tensor
 from tex_lightning.core.devices import computing_threads
 from tex_lightning.core.files import require_file, resolved, write_atomically
 from tex_lightning.core.progress import track
-from tex_lightning.data.decode import Decoder, SignalDecoder
+from tex_lightning.data.decode import Decoder
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording, cut_part
 from tex_lightning.data.traces import SOURCES, SourceRate, axis_files
@@ -125,10 +125,6 @@ class Store:
     def extent(self, recording: Recording) -> float:
         """Return how long or large a recording is, in the unit of its decoder."""
         return self.decoders[recording.modality].extent(self.load(recording))
-
-    def is_signal(self, recording: Recording) -> bool:
-        """Return whether a recording has a rate."""
-        return isinstance(self.decoders[recording.modality], SignalDecoder)
 
     def rate(self, recording: Recording) -> SourceRate:
         """Return the sampling rate of a trace's file, and its source."""

@@ -225,7 +225,7 @@ def show_opening(config: Config, dataset: Dataset, what: str, *, trains: bool = 
     """
     rows, data = dataset.recordings, config.data
     modalities = list(dict.fromkeys(row.modality for row in rows))
-    warnings = [note.text for note in rows.notes if note.modality in (None, *modalities)]
+    warnings = [*rows.notes]
     if dataset.skipped:
         files = list_files(dataset.skipped)
         warnings.append("\n".join([f"Going on without {len(dataset.skipped)} files:", *files]))

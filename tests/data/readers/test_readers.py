@@ -51,7 +51,7 @@ def touch(root, *names):
         pytest.param(
             ["a/haptic/1.wav", "a/image/1.heic", "b/x.doc", "notes.txt"],
             ["a haptic 0 1.wav"],
-            ["Class folder DIR/b is skipped: there is no trace and no photo in it."],
+            ["Class folder DIR/b is skipped: it has no trace and no photo."],
             id="classes without anything readable",
         ),
     ],
@@ -60,7 +60,7 @@ def test_folders_as_people_lay_them_out(tmp_path, files, expected, notes):
     rows = read_folder(touch(tmp_path, *files))
     described = [f"{row.label} {row.modality} {row.group} {row.path.name}" for row in rows]
     assert sorted(described) == expected
-    assert [note.text.replace(str(tmp_path), "DIR") for note in rows.notes] == notes
+    assert [note.replace(str(tmp_path), "DIR") for note in rows.notes] == notes
 
 
 def test_two_axes_of_three_stay_one_recording(tmp_path):

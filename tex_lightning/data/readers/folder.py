@@ -6,7 +6,6 @@ own, ``root/CLASS/NAME/*``, are read as well. A class without folders for its se
 lies, ``root/CLASS/*``: a file's suffix tells its sense.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,20 +13,16 @@ from tex_lightning.data import traces
 from tex_lightning.data.decode import IMAGE_SUFFIXES
 from tex_lightning.data.recordings import (
     MODALITIES,
-    Note,
     Recording,
     Recordings,
-    number_files,
+    natural_key,
     read_manifest,
 )
 from tex_lightning.errors import UserError
 
 # without .xml, which beside photos are mostly their annotations; a manifest may name such traces
 TRACE_SUFFIXES = tuple(suffix for suffix in traces.TRACE_SUFFIXES if suffix != ".xml")
-# of files that lie side by side in the folder of a class
-SUFFIXES = {"haptic": TRACE_SUFFIXES, "image": IMAGE_SUFFIXES}
-# of files in the folder of a sense; that of a user's sense may hold either
-OWN_SUFFIXES = {**SUFFIXES, "sound": TRACE_SUFFIXES}
+BESIDE = {"haptic": TRACE_SUFFIXES, "image": IMAGE_SUFFIXES}  # of files in the folder of a class
 
 
 @dataclass
@@ -76,11 +71,12 @@ def read_folder(root: Path) -> Recordings:
     if not root.is_dir():
         raise UserError(f"Folder {root} does not exist; give an existing folder in data.root.")
     rows: list[Recording] = []
-    notes: list[Note] = []
+    notes: list[str] = []
     for directory in _folders(root):
-        recordings, passed_over = _read_class(directory)
+        recordings = _read_class(directory, notes)
+        if not recordings:
+            notes.append(f"Class folder {directory} is skipped: it has no trace and no photo.")
         rows += recordings
-        notes += passed_over
     if not rows:
         raise UserError(
             f"Folder {root} holds no recordings; put traces in {root}/CLASS/haptic "
@@ -89,36 +85,32 @@ def read_folder(root: Path) -> Recordings:
     return Recordings(tuple(rows), tuple(notes))
 
 
-def _read_class(directory: Path) -> tuple[list[Recording], list[Note]]:
-    """Recordings of one class, from its folders if it has any, and what was passed over."""
+def _read_class(directory: Path, notes: list[str]) -> list[Recording]:
+    """Read one class, from folders of its senses if it has any; note what is passed over."""
     inner: dict[str, list[Path]] = {name: [] for name in MODALITIES}
     for folder in _folders(directory):
         name = folder.name.casefold()
         sense = name.removesuffix("s") if name.removesuffix("s") in MODALITIES else name
         if sense.isidentifier():
             inner[sense] = inner.get(sense, []) + _files(folder, suffixes_of(sense))
-    beside = {sense: _files(directory, suffixes) for sense, suffixes in SUFFIXES.items()}
-    sorted_in = any(inner[name] for name in MODALITIES)
-    files = inner if sorted_in else {**inner, **beside}
-    rows = [
-        row for sense, paths in files.items() for row in number_files(directory.name, sense, paths)
-    ]
-    stray = [path.name for paths in beside.values() for path in paths] if sorted_in else []
-    return rows, list(_passed_over(directory, rows, stray))
-
-
-def _passed_over(directory: Path, rows: list[Recording], stray: list[str]) -> Iterator[Note]:
-    if not rows:
-        text = f"Class folder {directory} is skipped: there is no trace and no photo in it."
-        yield Note(text)
-    if stray:
+    beside = {sense: _files(directory, suffixes) for sense, suffixes in BESIDE.items()}
+    stray = [path.name for paths in beside.values() for path in paths]
+    if not any(inner[name] for name in MODALITIES):
+        inner |= beside
+    elif stray:
         text = f"{directory} has folders for its senses, so {stray[0]} beside them is not read."
-        yield Note(text)
+        notes.append(text)
+    return [
+        Recording(directory.name, sense, path, group)
+        for sense, paths in inner.items()
+        for group, path in enumerate(sorted(paths, key=lambda path: natural_key(path.name)))
+    ]
 
 
 def suffixes_of(modality: str) -> tuple[str, ...]:
-    """Suffixes of the files of a modality, in lower case."""
-    return OWN_SUFFIXES.get(modality, (*TRACE_SUFFIXES, *IMAGE_SUFFIXES))
+    """Return the suffixes of the files of a modality, in lower case; a user's may hold either."""
+    both = {**BESIDE, "sound": TRACE_SUFFIXES}
+    return both.get(modality, (*TRACE_SUFFIXES, *IMAGE_SUFFIXES))
 
 
 def _folders(directory: Path) -> list[Path]:

@@ -26,7 +26,6 @@ from pathlib import Path
 from tex_lightning.config.keys import choice
 from tex_lightning.data.decode import IMAGE_SUFFIXES
 from tex_lightning.data.recordings import (
-    Note,
     Recording,
     Recordings,
     equal_parts,
@@ -86,9 +85,9 @@ class PatternReader:
         Raises:
             UserError: If there are no recordings.
         """
-        notes: list[Note] = []
+        notes: list[str] = []
         named = {
-            modality: self._matches(self.folder / name, modality, notes)
+            modality: self._matches(self.folder / name, notes)
             for modality, name in self.folders.items()
             if name is not None
         }
@@ -108,7 +107,7 @@ class PatternReader:
             raise UserError(f"Folder {self.folder} holds no {self.example}; check data.root.")
         return Recordings(tuple(rows), tuple(dict.fromkeys(notes)))
 
-    def _matches(self, folder: Path, modality: str, notes: list[Note]) -> Named:
+    def _matches(self, folder: Path, notes: list[str]) -> Named:
         """List the recordings below a folder in natural order; note what is not read."""
         named: Named = []
         others: list[Path] = []
@@ -124,7 +123,7 @@ class PatternReader:
         if strays := [path for path in others if path.parent in folders]:
             text = f"{strays[0]} is not called {self.example} or the like, and is not read"
             more = f", nor are {len(strays) - 1} more files" if len(strays) > 1 else ""
-            notes.append(Note(f"{text}{more}.", modality))
+            notes.append(f"{text}{more}.")
         return named
 
     def _group(self, match: re.Match[str]) -> str | None:
@@ -149,12 +148,11 @@ def _part(match: re.Match[str], name: str) -> str | None:
     return match.groupdict().get(name)
 
 
-def _divided(modality: str, count: int) -> Note:
-    text = (
+def _divided(modality: str, count: int) -> str:
+    return (
         f"Each {modality} file is divided into {count} parts, one for each fold: what is tested "
         "lies beside what was trained on, which overestimates figures."
     )
-    return Note(text, modality)
 
 
 @dataclass(kw_only=True)
