@@ -4,13 +4,11 @@ import pytest
 import torch
 from conftest import make_card
 
-from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import DecisionConfig
 from tex_lightning.errors import UserError
 
 CARD = make_card("haptic", classes=["a", "b"], width=0.1)
-HAPTIC = CARD.senses["haptic"]
 FUSION = make_card("haptic", "visual", "sound", classes=["a", "b"], width=0.1)
 
 
@@ -18,25 +16,16 @@ FUSION = make_card("haptic", "visual", "sound", classes=["a", "b"], width=0.1)
     ("key", "value"),
     [
         ("senses", {}),
-        ("senses", [HAPTIC]),
         ("senses.haptic", 3),
-        ("senses.haptic.modality", None),
         ("senses.haptic.network", {"width": 0.1}),
-        ("senses.haptic.features", "own.Features"),
         ("decision.rule", "median"),
-        ("decision.rule", ["vote"]),
         ("decision.pairs", "many"),
         ("decision.seed", -1),
         ("decision.reject_below", float("nan")),
         ("senses.haptic.axes", "frames"),
-        ("senses.haptic.scale", "bark"),
-        ("senses.haptic.normalisation", "none"),
-        ("senses.haptic.norm", "layer"),
         ("senses.haptic.width", 1e30),
-        ("senses.haptic.width", "wide"),
         ("senses.haptic.decode.sampling_rate", "fast"),
         ("classes", ["a", 5]),
-        ("classes", "ab"),
         ("calibration", {"temperature": 0}),
         ("input_ranges", {"haptic": {"level": ["low", 1]}}),
         ("trained_on", {"fold": 1}),
@@ -64,11 +53,6 @@ def test_the_card_of_some_senses_is_that_of_a_network_of_them():
     assert pair == make_card("visual", "sound", classes=["a", "b"], width=0.1)
     single = FUSION.of(["haptic"])
     assert (single.kind, single.fusion) == ("haptic", {})
-
-
-def test_two_senses_of_one_modality_look_at_it_once():
-    senses = {"coarse": {**HAPTIC, "width": 0.05}, "fine": HAPTIC}
-    assert Card(**{**FUSION.to_dict(), "senses": senses}).modalities == ("haptic",)
 
 
 def test_a_decision_given_goes_before_the_cards():

@@ -10,10 +10,9 @@ from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.classifier.vote import RULES, random_tuples
+from tex_lightning.classifier.vote import RULES
 from tex_lightning.config import DecisionConfig
 from tex_lightning.errors import UserError
-from tex_lightning.inference import early_stopping
 from tex_lightning.inference.early_stopping import SequentialClassifier, decide
 from tex_lightning.inference.engine import Costs
 
@@ -151,21 +150,6 @@ def test_single_windows_have_the_scores_of_isolated_crops():
     torch.testing.assert_close(scores, torch.cat((inside, edge), dim=1))
 
 
-@pytest.mark.parametrize(
-    ("kind", "level"),
-    [("visual", "fc2"), ("fusion", "fc2"), ("fusion", "fc3"), ("three", "fc2"), ("three", "fc3")],
-)
-def test_the_dense_fallback_is_the_full_vote(kind, level):
-    model = classifier(kind, level)
-    sequential = SequentialClassifier(model, CONFIG)
-    for seed in range(3):
-        vote, full = (m.classify(**given(kind, seed)) for m in (sequential, model))
-        assert vote.label == full.label
-        assert torch.equal(
-            vote.fragments.bincount(minlength=4), full.fragments.bincount(minlength=4)
-        )
-
-
 def test_fusion_looks_at_the_photo_only_where_the_trace_is_not_enough(monkeypatch):
     model = classifier("fusion", confidence_threshold=0.0)
     rows = count_positions(monkeypatch, model.senses["visual"].network)
@@ -178,36 +162,14 @@ def test_fusion_looks_at_the_photo_only_where_the_trace_is_not_enough(monkeypatc
     assert rows
 
 
-@pytest.mark.parametrize("rule", ["vote", "score"])
-def test_the_dearest_of_three_senses_is_not_asked_where_the_others_are_sure(monkeypatch, rule):
-    model = classifier("three")
-    model.card = replace(model.card, decision={**model.card.decision, "rule": rule})
-    sample = given("three", 0)
-    costs = {
-        name: Costs(model.card).of(name, *sense.input_size(sample[sense.modality]))
-        for name, sense in model.senses.items()
-    }
-    cheap, middle, dear = sorted(costs, key=costs.get)
-    rows = count_positions(monkeypatch, model.senses[dear].network)
-    answers = iter([False, True])
-    monkeypatch.setattr(early_stopping, "is_confident", lambda *_: next(answers))
-    vote = SequentialClassifier(model, CONFIG).classify(**sample)
-    assert rows == []
-    assert vote.relative_macs == (costs[cheap] + costs[middle]) / sum(costs.values())
-    senses = [name for name in model.card.sense_names if name != dear]  # in the order of the tuples
-    partials = [model.partial_logits(name, sample[model.senses[name].modality]) for name in senses]
-    tuples = random_tuples([each.shape[1] for each in partials], 200, model.seed(**sample))
-    scores = sum(each[:, tuples[:, place]] for place, each in enumerate(partials))
-    torch.testing.assert_close(vote.probabilities, RULES[rule](scores, 1.0).probabilities)
-
-
-@pytest.mark.parametrize("rule", ["mean", "score"])
-@pytest.mark.parametrize("kind", SENSES)
-def test_a_mean_over_fragments_is_that_of_the_full_decision_if_nothing_is_sure(kind, rule):
-    model = classifier(kind)
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize(("kind", "level"), [*((kind, "fc2") for kind in SENSES), ("three", "fc3")])
+def test_the_decision_is_the_full_one_if_nothing_is_sure(kind, level, rule):
+    model = classifier(kind, level)
     model.card = replace(model.card, decision={**model.card.decision, "rule": rule})
     vote, full = (m.classify(**given(kind, 0)) for m in (decide(model, CONFIG), model))
-    assert vote.label == full.label == int(full.probabilities.argmax())
+    assert vote.label == full.label
+    assert torch.equal(vote.fragments.bincount(), full.fragments.bincount())
     torch.testing.assert_close(vote.probabilities, full.probabilities)
 
 

@@ -7,7 +7,6 @@ from conftest import RATE, make_card, make_photo, make_trace
 from torch import nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.errors import UserError
 from tex_lightning.inference.evidence import classify_with_maps
 from tex_lightning.senses.features.spectrogram import movement_start
 
@@ -40,21 +39,6 @@ class Bass(Brightness):
         low, high = x[:, :, :25].mean(dim=2), x[:, :, 25:].mean(dim=2)
         sign = (low - high) / (low - high).abs().clamp(min=1e-9)  # which keeps NaN, as layers do
         return sign[:, None].expand(-1, -1, 50, -1)
-
-
-class Closed(nn.Module):
-    """Scores that tell nothing of where they come from."""
-
-    def __init__(self, positions: tuple[int, ...]) -> None:
-        super().__init__()
-        self.positions = positions
-
-    def features(self, x, level):
-        return (
-            torch.arange(3.0)
-            .reshape(1, 3, *[1] * len(self.positions))
-            .expand(1, 3, *self.positions)
-        )
 
 
 def with_network(sense: str, network: nn.Module, **changes: object) -> SurfaceClassifier:
@@ -134,26 +118,3 @@ def test_it_is_the_decision_of_classify_and_the_scores_of_each_sense_alone(level
             torch.testing.assert_close(
                 torch.from_numpy(shares).flatten(), alone.double().softmax(0)[2], atol=1e-4, rtol=0
             )
-
-
-@pytest.mark.parametrize("positions", [(4,), (2, 3), (1, 2, 2)])
-def test_positions_that_nobody_declared_are_equal_parts(positions):
-    photo = torch.from_numpy(make_photo(0, 0))
-    _, found = classify_with_maps(with_network("visual", Closed(positions)), {"image": photo})
-    evidence = found["visual"]
-    rows, columns = evidence.labels.shape
-    assert rows * columns == np.prod(positions)
-    assert evidence.rows[:, 0].tolist() == [240 / rows * row for row in range(rows)]
-    assert evidence.columns[-1].tolist() == [240 - 240 / columns, 240]
-    if len(positions) == 1:
-        trace = torch.from_numpy(make_trace(0, 0))[None]
-        _, found = classify_with_maps(with_network("haptic", Closed(positions)), {"haptic": trace})
-        evidence = found["haptic"]
-        np.testing.assert_allclose(evidence.edges, np.linspace(0, 2.4, 5))
-
-
-def test_a_baseline_has_no_map():
-    classifier = with_network("haptic", nn.Identity())
-    classifier.card.baseline["name"] = "minirocket"
-    with pytest.raises(UserError, match=r"minirocket looks at the whole recording at once"):
-        classify_with_maps(classifier, {})

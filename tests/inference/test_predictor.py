@@ -126,26 +126,6 @@ def test_overrides_that_cannot_be_meant_are_said(untrained, override):
         tl.load(untrained, override)
 
 
-def test_some_of_three_senses_are_enough(tmp_path):
-    torch.manual_seed(0)
-    model = SurfaceClassifier(make_card("haptic", "visual", "sound", width=0.1))
-    state = {f"classifier.{key}": value for key, value in model.state_dict().items()}
-    content = {"hyper_parameters": {"card": model.card.to_dict()}, "state_dict": state}
-    torch.save(content, tmp_path / "fusion.ckpt")
-    predictor = tl.load(tmp_path / "fusion.ckpt")
-    sound = np.random.default_rng(0).standard_normal(105_840).astype(np.float32)
-    given = {"haptic": TRACE, "image": PHOTO, "sound": sound}
-    for names in (["sound"], ["haptic", "sound"], ["haptic", "image"], list(given)):
-        some = {name: given[name] for name in names}
-        found = predictor.predict(**some, rate=None)
-        assert found.modalities == tuple(names)
-        assert found.fragments == (4 if len(names) == 1 else 50)
-        others = dict.fromkeys(set(given) - set(names))  # None is as if it was not given
-        assert essence(predictor.predict(**some, **others)) == essence(found)
-    with pytest.raises(tl.UserError, match="nothing to classify; give some of haptic, image, so"):
-        predictor.predict()
-
-
 def test_a_stream_adds_what_a_photo_says_once(fusion):
     stream = fusion.stream("haptic", image=PHOTO)
     *_, last = (stream.push(part) for part in np.split(TRACE, 8))
@@ -177,21 +157,6 @@ def test_a_stream_adds_what_a_photo_says_once(fusion):
 def test_what_no_stream_takes_is_said(fusion, live, photos, said):
     with pytest.raises(tl.UserError, match=said):
         fusion.stream(*live, **photos)
-
-
-def test_a_stream_of_another_rate_is_resampled(haptic):
-    fast = np.interp(np.arange(48_000) / 2, np.arange(24_000), TRACE)
-    stream = haptic.stream(rate=2 * RATE)
-    for part in np.split(fast, 30):
-        stream.push(part)
-    assert stream.waiting
-    found, whole = stream.finish(), haptic.predict(haptic=fast, rate=2 * RATE)
-    assert (found.label, found.fragments) == (whole.label, whole.fragments)
-    assert found.probability == pytest.approx(whole.probability, abs=1e-6)
-    with pytest.raises(tl.UserError, match="rate is -1; give"):
-        haptic.stream(rate=-1)
-    with pytest.raises(tl.UserError, match="haptic has a sampling rate of 1 Hz, too far"):
-        haptic.stream(rate=1)
 
 
 def test_signals_of_a_stream_come_together(tmp_path):

@@ -1,7 +1,6 @@
 """FC3 fitted at once to the texture features of whole photos."""
 
 import numpy as np
-import pytest
 import torch
 from conftest import make_card, trunk_node
 from scipy.special import softmax
@@ -55,18 +54,6 @@ def scores(module, photo):
         return module.classifier.logits(image=torch.from_numpy(photo))
 
 
-@pytest.mark.parametrize("classes", [2, 3])
-def test_unseen_photos_are_right_and_the_convolutions_stay(classes):
-    module = module_of(classes, {**PROBE, "strength": 1e4})
-    before = [each.clone() for each in module.network.trunk.parameters()]
-    fit_linear_head(module, *photos_of(classes, 6 * classes, seed=1), names(6 * classes))
-    after = module.network.trunk.parameters()
-    assert all(torch.equal(a, b) for a, b in zip(before, after, strict=True))
-    unseen, labels = photos_of(classes, 2 * classes, seed=2)
-    votes = [scores(module, each).mean(dim=1).argmax().item() for each in unseen.recordings]
-    assert votes == labels.tolist()
-
-
 def test_mean_score_is_that_of_scikit_learn_on_mean_features():
     module = module_of(3)
     photos, labels = photos_of(3, 12, seed=1)
@@ -98,12 +85,3 @@ def test_large_photos_are_cut_small_ones_mirrored_and_all_of_them_perturbed():
     assert not np.array_equal(view, _view(photos, 2, module))  # the next pass cuts elsewhere
     darker = Photos(photos.recordings, Augmentation.of(["darkness"], share=1.0))
     assert _view(darker, 0, module).mean() < 0.99 * view.mean()
-
-
-def test_hidden_layers_want_training(cli, surfaces, tmp_path):
-    outcome = cli(
-        "model=visual", "model.visual.fit.epochs=0", "data=folder", f"data.root={surfaces}",
-        f"hydra.run.dir={tmp_path / 'run'}",
-    )  # fmt: skip
-    assert outcome.status == 2
-    assert "model.visual.fit.epochs is 0" in outcome.err

@@ -6,10 +6,8 @@ Lightning starts the second process by the command line of the first, so every r
 import csv
 import functools
 import os
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -64,14 +62,6 @@ def written(directory: Path) -> list[str]:
     return sorted({path.partition(".tfevents")[0] for path in paths})
 
 
-def wait_for(condition) -> None:
-    for _ in range(600):
-        if condition():
-            return
-        time.sleep(0.1)
-    raise AssertionError("it did not happen within a minute")
-
-
 @pytest.fixture(scope="module")
 def alone(surfaces, cache, tmp_path_factory):
     """Make a run in one process."""
@@ -124,48 +114,6 @@ def test_torchrun_starts_all_processes_and_rank_zero_alone_speaks(alone, surface
     assert refused.stderr.count("share a run folder; give hydra.run.dir") == 1
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("how", ["ctrl-c", "rank zero killed", "another killed"])
-def test_all_processes_end_together(surfaces, cache, tmp_path, how):
-    directory = tmp_path / "run"
-    long = ["model=haptic", "model.haptic.fit.epochs=1000", "logger=csv", *TWO]
-    with subprocess.Popen(
-        [sys.executable, *command(surfaces, cache, directory, *long)],
-        env=ENVIRONMENT,
-        start_new_session=True,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as leader:
-        wait_for(lambda: (directory / "checkpoints" / "haptic" / "last.ckpt").is_file())
-        (other,) = children(leader.pid)
-        if how == "ctrl-c":
-            os.killpg(leader.pid, signal.SIGINT)
-        else:
-            os.kill(leader.pid if how == "rank zero killed" else other, signal.SIGKILL)
-        wait_for(lambda: leader.poll() is not None)
-        wait_for(lambda: not alive(other))
-        said = leader.stderr.read()
-    if how == "ctrl-c":
-        assert leader.returncode == 130
-        assert said.count("goes on after the last finished epoch") == 1
-
-
-def children(parent: int) -> list[int]:
-    """Processes of Python that a process has started."""
-    found = []
-    for status in Path("/proc").glob("[0-9]*/stat"):
-        fields = status.read_text().rpartition(")")[2].split()
-        command = (status.parent / "cmdline").read_bytes()
-        if int(fields[1]) == parent and b"tex_lightning" in command:
-            found.append(int(status.parent.name))
-    return found
-
-
-def alive(process: int) -> bool:
-    status = Path(f"/proc/{process}/stat")
-    return status.is_file() and status.read_text().rpartition(")")[2].split()[0] != "Z"
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -192,17 +140,10 @@ def test_a_sweep_is_refused_before_its_first_job(cli, tmp_path):
 
 def test_flags_of_the_trainer_are_passed_on_or_refused(cli, surfaces, tmp_path):
     small = [f"data.root={surfaces}", "data=folder", "data.half_scale=false", "debug=tiny"]
-    for wrong, said in (
-        ("trainer.gradient_clip_vall=1", "unexpected keyword argument 'gradient_clip_vall'"),
-        ("+trainer.logger=x", "trainer.logger is set by this package"),
-    ):
-        outcome = cli("model=haptic", *small, wrong, f"hydra.run.dir={tmp_path / 'a'}")
-        assert outcome.status == 2
-        assert said in outcome.err
+    wrong = "trainer.gradient_clip_vall=1"
+    outcome = cli("model=haptic", *small, wrong, f"hydra.run.dir={tmp_path / 'a'}")
+    assert outcome.status == 2
+    assert "unexpected keyword argument 'gradient_clip_vall'" in outcome.err
     clipped = ["trainer.gradient_clip_val=1e-12", "logger=csv"]
     outcome = cli("model=haptic", *small, *clipped, f"hydra.run.dir={tmp_path / 'b'}")
     assert outcome.status == 0, outcome.err
-    refused = ["trainer.gradient_clip_algorithm=none", "trainer.gradient_clip_val=1"]
-    outcome = cli("model=haptic", *small, *refused, f"hydra.run.dir={tmp_path / 'c'}")
-    assert outcome.status == 2
-    assert "Lightning's Trainer refuses what trainer says" in outcome.err

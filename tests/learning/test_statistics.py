@@ -2,18 +2,13 @@
 
 import pytest
 import torch
-from conftest import CLASSES, make_card, make_trace
+from conftest import CLASSES, make_trace
 from scipy.stats import binomtest
 
 import tex_lightning as tl
 from tex_lightning.classifier.card import novelty_threshold
-from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
-from tex_lightning.config.composition import compose_config, read_config
-from tex_lightning.inference.engine import accelerate
 from tex_lightning.learning.statistics import left_out_novelties
-
-ENGINE = read_config(compose_config()).engine
 
 
 def traces(kind, numbers):
@@ -35,28 +30,6 @@ def test_probabilities_that_were_fitted_with_the_weights_get_no_temperature(band
     card = tl.load(bands).classifier.card
     assert "novelties" in card.calibration  # there was a validation fold, of three recordings
     assert "temperature" not in card.calibration
-
-
-def test_a_part_and_a_fast_copy_keep_them():
-    classifier = SurfaceClassifier(make_card("haptic", "visual", width=0.1)).eval()
-    for number, name in enumerate(classifier.card.sense_names):
-        rows = torch.randn(6, classifier.fusion.sizes[number])
-        labels = torch.tensor([0, 0, 1, 1, 2, 2])
-        classifier.statistics[name] = FeatureStatistics.of(rows, labels, 3)
-    alone = classifier.with_senses(("visual",))
-    assert list(alone.statistics) == ["visual"]
-    photo = torch.randint(256, (240, 240, 3), dtype=torch.uint8)
-    torch.testing.assert_close(
-        alone.embedding("visual", photo), classifier.embedding("visual", photo)
-    )
-    fast = accelerate(classifier, ENGINE)
-    distances = fast.statistics["visual"].distances(fast.embedding("visual", photo))
-    assert distances.dtype == torch.float32
-    assert distances.shape[0] == 3
-
-
-def test_a_checkpoint_without_them_is_loaded(untrained):
-    assert not tl.load(untrained).classifier.statistics
 
 
 def test_recordings_left_out_are_as_novel_as_new_ones():

@@ -1,6 +1,5 @@
 """Conditions that are tested and never trained on, through every task that meets them."""
 
-import hashlib
 import json
 import math
 from pathlib import Path
@@ -57,32 +56,15 @@ def files_tested(run: Path, kind: str, modality: str) -> set[str]:
 def test_the_fast_strokes_are_tested_and_nothing_has_seen_them(fused, surfaces):
     fast = {f"{label}_{n}" for label in CLASSES for n in (2, 5, 8)}
     first = {f"{label}_0" for label in CLASSES}
-    assert (
-        files_tested(fused, "haptic", "haptic") == files_tested(fused, "fusion", "haptic") == fast
-    )
-    assert files_tested(fused, "visual", "image") == files_tested(fused, "fusion", "image") == first
-    for kind, unseen in (("haptic", fast), ("visual", first), ("fusion", fast | first)):
+    tests = {"haptic": {"haptic": fast}, "visual": {"image": first}}
+    tests["fusion"] = tests["haptic"] | tests["visual"]
+    for kind, tested in tests.items():
         seen = set(tl.load(fused / "checkpoints" / f"{kind}.ckpt").card.trained_on["seen"])
-        files = [
-            file
-            for sense in {"haptic": ["haptic"], "visual": ["image"]}.get(kind, ["haptic", "image"])
-            for file in surfaces.glob(f"*/{sense}/*")
-        ]
-        tests = [
-            file for file in files if file.stem in (fast if file.parent.name == "haptic" else first)
-        ]
-        assert {file.stem for file in tests} == unseen
-        assert seen == {fingerprint(file) for file in files if file not in tests}
-        contents = {hashlib.sha256(file.read_bytes()).digest() for file in tests}
-        assert len(contents) == len(tests)  # so that a file stands for its recording
-
-
-def test_votes_by_condition_are_counted_by_hand(fused):
-    networks = results(fused)["networks"]
-    for name, condition, value in (("haptic", "speed", "60"), ("visual", "light", "lamp")):
-        counts = networks[name]["conditions"][condition][value]
-        assert counts.items() <= networks[name].items()  # every tested sample has it
-    assert networks["fusion"]["conditions"]["speed"]["60"]["test_samples"] == 9
+        for modality, names in tested.items():
+            assert files_tested(fused, kind, modality) == names
+        files = [file for name in tested for file in surfaces.glob(f"*/{name}/*")]
+        trained = [file for file in files if file.stem not in tested[file.parent.name]]
+        assert seen == {fingerprint(file) for file in trained}
 
 
 def test_folds_pool_their_votes_by_condition(cli, manifest, tmp_path):
@@ -130,10 +112,7 @@ def test_a_checkpoint_is_tested_on_the_same_conditions_or_not_at_all(
         ),
         (["data.test_where={speed: 70}"], "no recording has speed 70; choose from 40, 50, 60"),
         (["data.test_where={light: lamp}", "model=haptic"], "no recording has light lamp; choose"),
-        (["data.test_where=60"], "data.test_where is 60: give names and values"),
-        ([FAST, "data.inverted=true"], "data.test_where some conditions: give one"),
         ([FAST, "task=crossval"], "data.test_where is read by task=fit"),
-        ([FAST, "task=predict", "checkpoint=a"], "stability alone, not by task=predict"),
         (["data.per_class=2", "task=evaluate", "checkpoint=a"], "data.per_class is read by"),
     ],
 )

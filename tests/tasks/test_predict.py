@@ -138,6 +138,14 @@ def test_evaluation_refuses_what_would_flatter_or_mislead(cli, surfaces, fused, 
     leak = cli(*common, "data=folder", "data.test_fold=4", f"hydra.run.dir={tmp_path}/a")
     assert leak.status == 2
     assert "set data.folds=10 data.test_fold=0" in leak.err
+    for label in ("alpha", "beta"):
+        source = surfaces / label / "haptic" / f"{label}_4.wav"
+        (folder := tmp_path / "copy" / label / "haptic").mkdir(parents=True)
+        (folder / "renamed.wav").write_bytes(source.read_bytes())
+    copied = ["data=folder", f"data.root={tmp_path}/copy", f"hydra.run.dir={tmp_path}/c"]
+    outcome = cli("task=evaluate", checkpoint(fused, "haptic"), *copied)
+    assert outcome.status == 2
+    assert "has trained on 2 of the 2 test recordings, renamed.wav among them" in outcome.err
     (tmp_path / "other" / "delta" / "haptic").mkdir(parents=True)
     (tmp_path / "other" / "alpha" / "haptic").mkdir(parents=True)
     for label in ("alpha", "delta"):
@@ -149,15 +157,3 @@ def test_evaluation_refuses_what_would_flatter_or_mislead(cli, surfaces, fused, 
     own_folder = cli(*common, "data=folder", f"hydra.run.dir={fused}")
     assert own_folder.status == 2
     assert "holds a run with another" in own_folder.err
-
-
-def test_trained_recordings_are_recognised_in_another_folder(cli, surfaces, fused, tmp_path):
-    for label in ("alpha", "beta"):
-        folder = tmp_path / "copy" / label / "haptic"
-        folder.mkdir(parents=True)
-        source = surfaces / label / "haptic" / f"{label}_4.wav"
-        (folder / "renamed.wav").write_bytes(source.read_bytes())
-    data = ["data=folder", f"data.root={tmp_path}/copy", f"hydra.run.dir={tmp_path}/run"]
-    outcome = cli("task=evaluate", checkpoint(fused, "haptic"), *data)
-    assert outcome.status == 2
-    assert "has trained on 2 of the 2 test recordings, renamed.wav among them" in outcome.err

@@ -3,14 +3,12 @@
 import json
 import math
 import sys
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 
-import numpy as np
 import pytest
 import torch
 from torch import nn
 
-from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.inference.engine import count_macs
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.studies.profile import (
@@ -20,7 +18,6 @@ from tex_lightning.studies.profile import (
     cut_windows,
     gemm_gflops,
     products,
-    render_recording,
 )
 from tex_lightning.studies.timing import Timing
 
@@ -87,14 +84,6 @@ def test_a_twin_with_other_weights_is_found_out():
         other = WindowNet(network)
         other.head[-1].bias.copy_(torch.tensor([1e3, 0, 0, 0]))
         assert agreement(network, other, grid) < 1
-
-
-@pytest.mark.parametrize("rate", [50.0, 900.0, 10_000.0])
-def test_a_trace_is_rendered_at_any_rate_of_a_sense(rate):
-    sense = SimpleNamespace(decoder=SignalDecoder(sampling_rate=rate))
-    trace = render_recording(sense, SimpleNamespace(seconds=2.0), 0)
-    assert trace.shape == (3, 2 * rate)
-    assert np.isfinite(trace).all()
 
 
 def test_macs_are_those_of_the_textbook():

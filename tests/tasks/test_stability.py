@@ -60,25 +60,6 @@ def test_the_table_has_every_trial_with_its_interval(lines):
     assert {line["perturbation"] for line in lines if line["system"] == "visual"} == {"jpeg"}
 
 
-def test_clean_accuracy_is_that_of_the_test_after_training(tested, fused, crossvalidated):
-    systems = json.loads((tested / "results.json").read_text())["systems"]
-    runs = {"fusion": (fused, "fusion"), "visual": (fused, "visual")}
-    for name, (run, kind) in {**runs, "haptic (2)": (crossvalidated, "haptic")}.items():
-        outcomes = read_outcomes(run / "predictions" / f"{kind}.csv")
-        clean = systems[name]["clean"]
-        assert clean["correct"] == sum(each.label == each.predicted for each in outcomes)
-        assert clean["test_samples"] == len(outcomes)
-    assert len(systems["haptic (2)"]["checkpoints"]) == 2
-
-
-def test_a_trace_below_the_receptive_field_counts_as_wrong(lines):
-    trial = ("fusion", "shorter_trace", "5")
-    (line,) = (
-        line for line in lines if (line["system"], line["perturbation"], line["severity"]) == trial
-    )
-    assert (float(line["vote_accuracy"]), float(line["flip_rate"])) == (0, 1)
-
-
 def test_without_its_trace_fusion_votes_as_its_visual_part(lines, fused):
     rows = [line for line in lines if line["perturbation"] == "haptic_missing"]
     assert {(line["system"], line["modality"]) for line in rows} == {("fusion", "both")}

@@ -8,8 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import soundfile
-from conftest import RATE, make_photo, make_trace
-from PIL import Image
+from conftest import RATE, make_trace
 from scipy.signal import resample_poly
 
 from tex_lightning.inference.stream import LiveStream
@@ -101,20 +100,6 @@ def test_the_label_of_a_window_follows_the_tool(cli, bands, tmp_path):
     assert set(labels[2:40]) == {"alpha"}
     assert set(labels[50:]) == {"beta"}
     assert all(line["contact"] for line in said)
-
-
-def test_a_photo_and_two_files_are_joined_with_the_live_trace(cli, untrained, tmp_path):
-    Image.fromarray(make_photo(1, 0)).save(tmp_path / "a.png")
-    fusion = untrained / "checkpoints" / "fusion.ckpt"
-    common = ["task=stream", f"checkpoint={fusion}", f"hydra.run.dir={tmp_path / 'run'}"]
-    trace = write(tmp_path, make_trace(1, 42, seconds=3.0))
-    photo = f"image={tmp_path / 'a.png'}"
-    for more in ([], ["stream.window=1"]):
-        said = lines(cli(*common, trace, photo, "stream.chunk=0.5", *more))
-        assert [line["time"] for line in said] == [0.5, 1, 1.5, 2, 2.5, 3]
-        assert said[-1]["fragments"] == 50
-    assert lines(cli(*common, trace, "stream.chunk=0.5"))[-1]["fragments"] < 50
-    assert "give a signal too" in cli(*common, photo).err
 
 
 def test_ctrl_c_ends_it_as_elsewhere(cli, stream, surfaces, monkeypatch):

@@ -8,7 +8,6 @@ import torch
 from conftest import RATE, make_photo, make_trace
 
 import tex_lightning as tl
-from tex_lightning.classifier.classifier import SenseOutput, join_novelties
 from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.errors import UserError
 
@@ -60,18 +59,6 @@ def test_too_few_known_recordings_are_said(cli, bands, recordings):
     assert "promise no rate below 0.036" in cli(*common, "decision.unknown=0.01").err  # 1 / 28
 
 
-def test_evaluate_counts_what_is_rejected(cli, bands, surfaces, tmp_path):
-    outcome = cli(
-        "task=evaluate", f"checkpoint={bands}", "data=folder", f"data.root={surfaces}",
-        "decision.unknown=0.05", "explained_samples=0", f"hydra.run.dir={tmp_path}",
-    )  # fmt: skip
-    assert outcome.status == 0, outcome.err
-    entry = json.loads((tmp_path / "results.json").read_text())["networks"]["haptic"]["unknown"]
-    assert entry["false_rejections"]["of"] == 3
-    assert entry["accepted_unknown"] is None
-    assert entry["threshold"] == tl.load(bands, "decision.unknown=0.05").card.unknown_above
-
-
 def test_crossval_measures_held_out_classes_and_never_trains_on_them(cli, surfaces, tmp_path):
     outcome = cli(
         "task=crossval", "experiment=few/haptic", "data=folder", f"data.root={surfaces}",
@@ -109,12 +96,6 @@ def test_a_missing_sense_leaves_the_novelty_of_the_others(untrained, tmp_path):
     assert joint.novelty == pytest.approx(sum(parts), rel=1e-4)
 
 
-def test_novelties_add_up_as_far_as_all_are_known():
-    known = SenseOutput(torch.zeros(1, 1), torch.tensor(2.0))
-    assert join_novelties([known, known]).item() == 4
-    assert join_novelties([known, SenseOutput(torch.zeros(1, 1), None)]) is None
-
-
 def test_checkpoints_that_cannot_tell_are_refused(untrained, bands, tmp_path):
     with pytest.raises(UserError, match="needs statistics"):
         tl.load(untrained, "decision.unknown=0.05")
@@ -143,13 +124,3 @@ def test_what_cannot_be_meant_is_refused(cli, surfaces, arguments, message):
     outcome = cli(*data, *arguments)
     assert outcome.status == 2
     assert message in outcome.err
-
-
-def test_data_with_a_class_of_that_name_is_refused(cli, surfaces, tmp_path):
-    (tmp_path / "data").mkdir()
-    (tmp_path / "data" / "alpha").symlink_to(surfaces / "alpha")
-    (tmp_path / "data" / "unknown").symlink_to(surfaces / "beta")
-    root = f"data.root={tmp_path / 'data'}"
-    outcome = cli("experiment=few/haptic", "data=folder", root, "decision.unknown=0.05")
-    assert outcome.status == 2
-    assert "a class named unknown" in outcome.err

@@ -20,10 +20,6 @@ def files(tmp_path_factory):
     return {"haptic": folder / "s.wav", "image": folder / "s.png"}
 
 
-def facts(prediction) -> dict[str, object]:
-    return {key: value for key, value in prediction.to_dict().items() if key != "latency_ms"}
-
-
 def test_the_label_printed_is_the_one_drawn(cli, untrained, files, tmp_path):
     figure = tmp_path / "new" / "w.PNG"
     given = ["task=predict", f"checkpoint={untrained}", "decision.reject_below=0.99"]
@@ -35,15 +31,6 @@ def test_the_label_printed_is_the_one_drawn(cli, untrained, files, tmp_path):
     del plain["latency_ms"], line["latency_ms"]
     assert line == {**plain, "figure": str(figure)}
     assert line["rejected"] is True
-
-
-def test_a_sequential_decision_is_drawn_in_full(untrained, files):
-    path = untrained / "checkpoints/visual.ckpt"
-    full, sequential = (
-        tl.load(path, *more).explain(image=files["image"]).prediction
-        for more in ([], ["decision=sequential"])
-    )
-    assert facts(sequential) == facts(full)
 
 
 def test_a_baseline_is_refused_in_one_sentence(cli, naive_bayes, files, tmp_path):

@@ -41,8 +41,8 @@ class FeatureStatistics(nn.Module):
         >>> statistics.means
         tensor([[0., 1.],
                 [9., 1.]])
-        >>> statistics.distances(torch.tensor([[8.0], [1.0]])).argmin()
-        tensor(1)
+        >>> statistics.novelty(torch.tensor([9.0, 1.0]))
+        tensor(0.)
     """
 
     means: Tensor
@@ -119,16 +119,6 @@ class FeatureStatistics(nn.Module):
         along = features @ self.directions.T
         scale, least = self.variances.rsqrt(), self.rest.rsqrt()
         return least * features + (along * (scale - least)) @ self.directions
-
-    def distances(self, features: Tensor) -> Tensor:
-        """Squared Mahalanobis distances (classes, P) of features (D, P) to the class means.
-
-        Features of a whole recording are the mean over its positions, so P is 1 for one recording:
-        the covariance is that of such means, and single positions vary more. The distance of
-        features distributed like those of the training to their own mean is D on average.
-        """
-        apart = self.whiten(features.T)[None] - self.whiten(self.means)[:, None]
-        return apart.square().sum(dim=-1)
 
     def novelty(self, features: Tensor) -> Tensor:
         """How unlike every class features (..., D) of whole recordings are: (...), 0 to 2.

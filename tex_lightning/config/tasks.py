@@ -122,7 +122,7 @@ class PredictConfig:
 
     figure: str | None = key(
         "PNG file for a drawing of why the label was chosen (docs/predict.md); of several samples "
-        "each has its own, FILE_NAME.png",
+        "each has its own, FILE_NUMBER.png",
         default=None,
     )
 

@@ -98,9 +98,6 @@ def _some(features: Tensor) -> Tensor:
     return features[:, ::step].T
 
 
-State = dict[str, Tensor]
-
-
 def add_classes(
     classifier: SurfaceClassifier, names: Sequence[str], features: Mapping[str, Fragments]
 ) -> SurfaceClassifier:
@@ -120,20 +117,20 @@ def add_classes(
     statistics = {name: _with_classes(classifier, name, features[name]) for name in senses}
     temperature = classifier.card.temperature
     if fusion is None:
-        (name,) = senses
-        weight, bias = _values(layer := _score_layer(classifier, name))
-        new = fit_new_class_weights(
-            statistics[name], weight.flatten(1), bias, features[name],
+        layer = _score_layer(classifier, senses[0])
+        weight, bias = _values(layer)
+        rows, biases = fit_new_class_weights(
+            statistics[senses[0]], weight.flatten(1), bias, features[senses[0]],
             temperature=temperature, new_bias=None,
         )  # fmt: skip
     else:
         layer = fusion.head
-        new = _fusion_rows(fusion, statistics, features, temperature)
-    state = _appended(classifier, layer, *new)
+        rows, biases = _fusion_rows(fusion, statistics, features, temperature)
+    state = _with_rows(classifier, layer, rows, biases)
     for layer in _unused_layers(classifier):
         weight, bias = _values(layer)
         size = len(names), *weight.shape[1:]
-        state |= _appended(classifier, layer, weight.new_zeros(size), bias.new_zeros(size[0]))
+        state |= _with_rows(classifier, layer, weight.new_zeros(size), bias.new_zeros(size[0]))
     return _rebuilt(classifier, [*classifier.card.classes, *names], state, statistics)
 
 
@@ -148,13 +145,9 @@ def check_extensible(classifier: SurfaceClassifier) -> None:
             "The checkpoint keeps no statistics of its features, which stand for its old "
             "recordings; train it anew with task=fit."
         )
-    _check_layers(classifier)
-
-
-def _check_layers(classifier: SurfaceClassifier) -> None:
-    for name in classifier.card.sense_names if classifier.fusion is None else ():
-        _score_layer(classifier, name)
-    if classifier.fusion is not None and "fc3" in classifier.fusion.levels:
+    if classifier.fusion is None:
+        _score_layer(classifier, classifier.card.kind)
+    elif "fc3" in classifier.fusion.levels:
         raise UserError(
             "This FusionNet fuses class scores, and classes are added to one that fuses FC2; train "
             "it anew with all recordings, or with model.fusion.level=fc2."
@@ -167,14 +160,14 @@ def _score_layer(classifier: SurfaceClassifier, name: str) -> ScoreLayer:
     if layer is None:
         raise UserError(
             f"{type(network).__name__} of {name} has no score_layer that is an nn.Linear or a "
-            "convolution of kernel 1 with a bias, which classes could be added to or taken from; "
-            "train it anew with all recordings."
+            "convolution of kernel 1 with a bias, which classes could be added to; train it anew "
+            "with all recordings."
         )
     return layer
 
 
 def _unused_layers(classifier: SurfaceClassifier) -> list[ScoreLayer]:
-    """Score layers that networks keep although a fusion of features does without them.
+    """Return score layers that networks keep although a fusion of features does without them.
 
     This package's have lost theirs.
     """
@@ -184,7 +177,7 @@ def _unused_layers(classifier: SurfaceClassifier) -> list[ScoreLayer]:
 
 
 def _values(layer: ScoreLayer) -> tuple[Tensor, Tensor]:
-    """Weight and bias of a layer that has both."""
+    """Return weight and bias of a layer that has both."""
     return layer.weight.detach(), cast(Tensor, layer.bias).detach()
 
 
@@ -193,11 +186,8 @@ def _with_classes(
 ) -> FeatureStatistics:
     means = [torch.stack([each.mean(dim=1) for each in rows]).mean(dim=0) for rows in features]
     counts = torch.tensor([len(rows) for rows in features])
-    return _statistics(classifier, name).with_classes(torch.stack(means), counts)
-
-
-def _statistics(classifier: SurfaceClassifier, name: str) -> FeatureStatistics:
-    return cast(FeatureStatistics, classifier.statistics_of(name))
+    known = cast(FeatureStatistics, classifier.statistics[name])
+    return known.with_classes(torch.stack(means), counts)
 
 
 def _fusion_rows(
@@ -225,24 +215,22 @@ def _fusion_rows(
     return torch.cat(rows, dim=1), biases
 
 
-def _appended(
+def _with_rows(
     classifier: SurfaceClassifier, layer: ScoreLayer, rows: Tensor, biases: Tensor
-) -> State:
+) -> dict[str, Tensor]:
+    """Return weight and bias of a layer with more rows, as the classifier's state names them."""
     weight, bias = _values(layer)
-    weight = torch.cat([weight, rows.reshape(len(rows), *weight.shape[1:])])
-    return _named(classifier, layer, weight, torch.cat([bias, biases]))
-
-
-def _named(classifier: SurfaceClassifier, layer: ScoreLayer, weight: Tensor, bias: Tensor) -> State:
-    """Weight and bias as the classifier's state names them."""
     (name,) = (name for name, module in classifier.named_modules() if module is layer)
-    return {f"{name}.weight": weight, f"{name}.bias": bias}
+    return {
+        f"{name}.weight": torch.cat([weight, rows.reshape(len(rows), *weight.shape[1:])]),
+        f"{name}.bias": torch.cat([bias, biases]),
+    }
 
 
 def _rebuilt(
     classifier: SurfaceClassifier,
     classes: Sequence[str],
-    changed: State,
+    changed: Mapping[str, Tensor],
     statistics: Mapping[str, FeatureStatistics],
 ) -> SurfaceClassifier:
     """Return the classifier with other classes.
@@ -250,15 +238,15 @@ def _rebuilt(
     Raises:
         UserError: If something else in the network depends on their number.
     """
-    found = SurfaceClassifier(replace(classifier.card, classes=list(classes)))
+    extended = SurfaceClassifier(replace(classifier.card, classes=list(classes)))
     state = {**classifier.state_dict(), **changed}
     kept = {name: value for name, value in state.items() if not name.startswith(STATISTICS)}
     try:
-        found.load_state_dict(kept)
+        extended.load_state_dict(kept)
     except RuntimeError as error:
         raise UserError(
             f"More of the {classifier.card.title} than its score layers depends on the classes; "
             "train it anew with all recordings."
         ) from error
-    found.statistics = nn.ModuleDict(statistics)
-    return found.eval()
+    extended.statistics = nn.ModuleDict(statistics)
+    return extended.eval()

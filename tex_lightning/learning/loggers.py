@@ -29,17 +29,12 @@ def open_loggers(nodes: Nodes, directory: Path, name: str) -> list[Logger]:
         UserError: If one cannot be made.
     """
     if (directory, name) not in _OPEN:
-        _OPEN[directory, name] = make_loggers(nodes, directory, name)
+        _OPEN[directory, name] = [
+            _make(f"logger.{title}", node, directory, name)
+            for title, node in nodes.items()
+            if node is not None  # which leaves one out
+        ]
     return _OPEN[directory, name]
-
-
-def make_loggers(nodes: Nodes, directory: Path, name: str) -> list[Logger]:
-    """Make them anew; see :func:`open_loggers`."""
-    return [
-        _make(f"logger.{title}", node, directory, name)
-        for title, node in nodes.items()
-        if node is not None  # which leaves one out
-    ]
 
 
 def _make(where: str, node: Mapping[str, Any], directory: Path, name: str) -> Logger:
@@ -75,8 +70,6 @@ def log_test(
         "test/fit_seconds": result["fit_seconds"],
         **{f"test/{key}": value for key, value in result["calibration"].items()},
     }
-    if (unknown := result.get("unknown", {}).get("auroc")) is not None:  # of classes held out
-        metrics["test/unknown_auroc"] = unknown
     loggers = open_loggers(nodes, directory, name)
     for logger in loggers:
         parameters = _hyper_parameters(config, name)

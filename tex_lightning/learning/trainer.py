@@ -21,7 +21,7 @@ from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import write_atomically
 from tex_lightning.core.progress import Stage
 from tex_lightning.errors import UserError, reason
-from tex_lightning.learning.loggers import make_loggers, open_loggers
+from tex_lightning.learning.loggers import open_loggers
 from tex_lightning.learning.module import REFRESH, make_optimizer
 
 UNHELPFUL = (
@@ -185,7 +185,7 @@ def try_parts_of_training(config: Config, directory: Path) -> None:
         UserError: Naming the key of what cannot be made.
     """
     model = config.model
-    make_loggers(config.logger, directory, model.kind)
+    open_loggers(config.logger, directory, model.kind)
     if model.baseline is not None:
         return
     callbacks = _configured_callbacks(config)

@@ -30,16 +30,15 @@ KEPT = ("fragment_accuracy", "vote_accuracy", "test_samples", "fit_seconds", "ch
 def run(config: Config, job: Job) -> dict[str, Any]:
     """Run all folds, or those in ``crossval.only``; write ``results.json`` and return it."""
     chosen = chosen_folds(config.data.folds, config.crossval.only)
-    homes = {fold: job.directory / "folds" / str(fold) for fold in chosen}
     dataset = open_announced(config, job.directory)
     for fold in chosen:  # before time is spent on the first
         dataset.on_fold(fold).parts()
-    done = {fold: _finished_fold(home) for fold, home in homes.items()}
-    left = [fold for fold, results in done.items() if results is None]
-    fresh = {fold: _run_fold(dataset.on_fold(fold), homes[fold]) for fold in track(left, "fold")}
+    folds: dict[Path, dict[str, Any]] = {}
+    for fold in track(chosen, "fold"):
+        home = job.directory / "folds" / str(fold)
+        folds[home] = _finished_fold(home) or _run_fold(dataset.on_fold(fold), home)
     if not is_rank_zero():
         return {}
-    folds = {homes[fold]: done[fold] or fresh[fold] for fold in chosen}
     names = next(iter(folds.values()))["networks"]
     networks = {name: _pool(dataset, job.directory, folds, name) for name in names}
     seconds = sum(results["wall_seconds"] for results in folds.values())
@@ -50,16 +49,11 @@ def run(config: Config, job: Job) -> dict[str, Any]:
 
 
 def _finished_fold(home: Path) -> dict[str, Any] | None:
-    """Return the results of a fold that an earlier run finished, perhaps elsewhere."""
+    """Return the results of a fold that an earlier run finished."""
     if not (home / "results.json").is_file():
         return None
     log.info("Fold %s is done already.", home.name)
-    results = read_record(home / "results.json")
-    for entry in results["networks"].values():
-        here = home / "checkpoints" / Path(entry["checkpoint"]).name
-        if here.is_file():
-            entry["checkpoint"] = str(here)
-    return results
+    return read_record(home / "results.json")
 
 
 def _run_fold(dataset: Dataset, home: Path) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Classify files with a trained network; one JSON object per sample on standard output."""
 
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from glob import has_magic
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +9,12 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import print_line
+from tex_lightning.core.files import is_file, is_folder, matches
+from tex_lightning.data.readers.folder import suffixes_of
+from tex_lightning.data.recordings import natural_key, plural
+from tex_lightning.data.traces import stands_for_all
 from tex_lightning.errors import UserError
 from tex_lightning.inference.evidence import refuse_baseline
-from tex_lightning.inference.inputs import find_files, match_files
 from tex_lightning.inference.predictor import Predictor
 
 MAX_FAILURES = 20  # that are printed
@@ -20,7 +23,7 @@ MAX_FAILURES = 20  # that are printed
 def run(config: Config, job: Job) -> None:
     """Load the checkpoint once and print a line for each sample.
 
-    Files of several modalities are matched as :func:`.inputs.match_files` says. Decoding is part of
+    Files of several modalities are matched as :func:`match_files` says. Decoding is part of
     the latency. Of a FusionNet that is not given all modalities, its part for those that are there
     decides; with a FusionNet each line says what was looked at. A sample that cannot be classified
     does not stop the others. With ``predict.figure`` each is drawn, too.
@@ -30,12 +33,13 @@ def run(config: Config, job: Job) -> None:
     """
     predictor = Predictor(load_classifier(str(config.checkpoint)), config)
     predictor.check_senses(config.files)
-    found = {modality: find_files(modality, value) for modality, value in config.files.items()}
-    samples, failures = match_files(found), []
-    figures = figure_paths(config.predict.figure, samples)
-    if config.predict.figure is not None:
+    samples = match_files({name: find_files(name, value) for name, value in config.files.items()})
+    drawn = None if config.predict.figure is None else Path(config.predict.figure).expanduser()
+    if drawn is not None:
         refuse_baseline(predictor.classifier)
-    for files, figure in zip(samples, figures, strict=True):
+    failures = []
+    for number, files in enumerate(samples, start=1):
+        figure = None if drawn is None else _figure_path(drawn, number, len(samples))
         try:
             said = _classify(predictor, files, figure)
         except UserError as error:
@@ -49,30 +53,18 @@ def run(config: Config, job: Job) -> None:
 def _classify(
     predictor: Predictor, files: Mapping[str, Path], figure: Path | None
 ) -> dict[str, Any]:
-    """What is printed of a sample, which is drawn if there is a file for it."""
-    given: dict[str, Any] = dict(files)
+    """Return what is printed of a sample, which is drawn if there is a file for it."""
+    recordings: dict[str, Any] = dict(files)
     if figure is None:
-        return predictor.predict(**given).to_dict()
-    found = predictor.explain(**given)
-    found.save(figure, ", ".join(path.name for path in files.values()))
-    return {**found.prediction.to_dict(), "figure": str(figure)}
+        return predictor.predict(**recordings).to_dict()
+    explanation = predictor.explain(**recordings)
+    explanation.save(figure, ", ".join(path.name for path in files.values()))
+    return {**explanation.prediction.to_dict(), "figure": str(figure)}
 
 
-def figure_paths(given: str | None, samples: Sequence[Mapping[str, Path]]) -> Sequence[Path | None]:
-    """Where each sample is drawn, if at all.
-
-    Of several each has the name of its first file behind that of the figure, or its number where
-    files are called alike.
-    """
-    if given is None:
-        return [None] * len(samples)
-    path = Path(given).expanduser()
-    if len(samples) == 1:
-        return [path]
-    names = [next(iter(files.values())).stem for files in samples]
-    if max(Counter(names).values()) > 1:
-        names = [str(number) for number in range(1, len(samples) + 1)]
-    return [path.with_name(f"{path.stem}_{name}{path.suffix}") for name in names]
+def _figure_path(path: Path, number: int, samples: int) -> Path:
+    """Return where a sample is drawn; of several each has its number behind the name."""
+    return path if samples == 1 else path.with_name(f"{path.stem}_{number}{path.suffix}")
 
 
 def _failed(failures: list[str], samples: int) -> list[str]:
@@ -81,3 +73,70 @@ def _failed(failures: list[str], samples: int) -> list[str]:
     more = [f"… and {len(failures) - MAX_FAILURES} more"] if len(failures) > MAX_FAILURES else []
     title = f"{len(failures)} of {samples} samples could not be classified:"
     return [title, *failures[:MAX_FAILURES], *more]
+
+
+def find_files(modality: str, value: object) -> list[Path]:
+    """Return the files that a value of the configuration names, in order.
+
+    Args:
+        modality: Which suffixes count in a folder or for a pattern.
+        value: A file, a folder, a pattern such as ``DIR/*.wav``, a list of these, or None. What
+            exists is taken by its name, even if it could be a pattern.
+
+    Raises:
+        UserError: If it is something else, or a folder or pattern gives nothing.
+    """
+    if value is None:
+        return []
+    values = value if isinstance(value, list) else [value]
+    if not values or any(isinstance(item, dict | list) for item in values):
+        raise UserError(
+            f"{modality}={value} is not a file or a list of files; give {modality}=FILE."
+        )
+    return [path for item in values for path in _found(modality, str(item))]
+
+
+def _found(modality: str, value: str) -> list[Path]:
+    path = Path(value).expanduser()
+    if is_folder(path):
+        candidates = list(path.iterdir())
+    elif has_magic(value) and not is_file(path):
+        candidates = matches(str(path))
+    else:
+        return [path]
+    files = [each for each in candidates if _readable(each, modality)]
+    if not files:
+        raise UserError(
+            f"{modality}={value} gives no file of a known type; there must be some of "
+            f"{', '.join(suffixes_of(modality))}."
+        )
+    return sorted(files, key=lambda each: natural_key(str(each)))
+
+
+def _readable(path: Path, modality: str) -> bool:
+    """Return whether it is a file of that modality, of three with an axis each the first."""
+    known = path.suffix.lower() in suffixes_of(modality) and not path.name.startswith(".")
+    return known and is_file(path) and stands_for_all(path)
+
+
+def match_files(given: Mapping[str, list[Path]]) -> list[dict[str, Path]]:
+    """Return samples, each with a file of every modality that is given.
+
+    Where all modalities have the same names without suffixes, each once, these decide; else the
+    order does.
+
+    Raises:
+        UserError: If there is nothing, or not as many of each.
+    """
+    found = {modality: paths for modality, paths in given.items() if paths}
+    if not found:
+        raise UserError("There is nothing to classify; give a file, as in haptic=FILE.")
+    if len({len(paths) for paths in found.values()}) > 1:
+        counts = " and ".join(f"{len(paths)} {plural(name)}" for name, paths in found.items())
+        raise UserError(f"There are {counts}; give as many of each.")
+    first, *others = found.values()
+    by_stem = {name: {path.stem: path for path in paths} for name, paths in found.items()}
+    stems = [path.stem for path in first]
+    if all(sorted(each) == sorted(stems) for each in by_stem.values()):
+        return [{name: by_stem[name][stem] for name in found} for stem in stems]
+    return [dict(zip(found, paths, strict=True)) for paths in zip(first, *others, strict=True)]

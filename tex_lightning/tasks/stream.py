@@ -1,9 +1,8 @@
 """Classify a recording while it goes on: one JSON object per chunk on standard output."""
 
 import sys
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -41,73 +40,53 @@ def run(config: Config, job: Job) -> None:
     predictor = Predictor(load_classifier(str(config.checkpoint)), config)
     predictor.check_senses(config.files)
     senses = {each.modality: each for each in predictor.classifier.senses.values()}
-    signals: dict[str, Signal] = {}
-    photos = {}
-    for name, given in config.files.items():
+    rates, chunks, photos = {}, {}, {}
+    for name, file in config.files.items():
+        if isinstance(file, list | dict):
+            raise UserError(f"{name}={file} is several; give one file, or - for a pipe.")
         sense = senses[name]
-        if isinstance(given, list | dict):
-            raise UserError(f"{name}={given} is several; give one file, or - for a pipe.")
         if isinstance(sense, SignalSense):
-            signals[name] = _open(config, sense, str(given))
+            rates[name], chunks[name] = _open(config, sense, str(file))
         else:
-            photos[name] = str(given)
-    if not signals:
+            photos[name] = str(file)
+    if not rates:
         raise UserError(
             "A stream takes a signal as it goes on, and photos beside it; give a signal too, or "
             "use task=predict."
         )
-    rates = {name: signal.rate for name, signal in signals.items()}
-    stream = predictor.stream(*signals, rate=rates, **photos)
+    stream = predictor.stream(*rates, rate=rates, **photos)
     first = next(iter(stream.signals.values()))
 
-    def say(push: Callable[[], Prediction]) -> None:
-        found = push().to_dict()
+    def show(prediction: Prediction) -> None:
+        values = prediction.to_dict()
         time = round(first.samples / first.rate, 6)
-        print_line({"time": time, **{key: found[key] for key in KEYS if key in found}})
+        print_line({"time": time, **{key: values[key] for key in KEYS if key in values}})
 
-    every = zip(*(signal.chunks(config) for signal in signals.values()), strict=False)
-    for chunks in every:  # until the shortest ends
-        say(partial(stream.push, **dict(zip(signals, chunks, strict=True))))
+    for parts in zip(*chunks.values(), strict=False):  # until the shortest ends
+        show(stream.push(**dict(zip(chunks, parts, strict=True))))
     if stream.waiting:
-        say(stream.finish)
+        show(stream.finish())
     stream.check()
 
 
-@dataclass(frozen=True)
-class Signal:
-    """The signal that is replayed or read.
+def _open(config: Config, sense: SignalSense, file: str) -> tuple[float, Iterator[Chunk]]:
+    """Return rate in Hz and chunks (axes, samples) of ``stream.chunk`` seconds of a signal.
 
-    Attributes:
-        rate: Rate in Hz.
-        trace: (axes, samples) of a file; None for standard input.
+    Standard input has the rate ``data.file_rate``, or the checkpoint's.
     """
-
-    rate: float
-    trace: Chunk | None
-
-    def chunks(self, config: Config) -> Iterator[Chunk]:
-        """Chunks (axes, samples) of ``stream.chunk`` seconds."""
-        size = max(1, round(config.stream.chunk * self.rate))
-        if self.trace is None:
-            yield from _from_standard_input(config.stream.axes, size)
-        else:
-            for start in range(0, self.trace.shape[1], size):
-                yield self.trace[:, start : start + size]
-
-
-def _open(config: Config, sense: SignalSense, given: str) -> Signal:
-    """A file, or standard input at ``data.file_rate``, of itself the checkpoint's."""
-    if given == PIPE:
-        rate = config.data.file_rate
-        return Signal(sense.decoder.sampling_rate if rate is None else rate, None)
+    if file == PIPE:
+        rate = config.data.file_rate or sense.decoder.sampling_rate
+        size = max(1, round(config.stream.chunk * rate))
+        return rate, _from_standard_input(config.stream.axes, size)
     decoder = replace(sense.decoder.assuming(config.data.file_rate), channels=None)  # not yet
-    trace, source = read_trace(Path(given).expanduser(), decoder)
-    return Signal(source.hz, trace)
+    trace, source = read_trace(Path(file).expanduser(), decoder)
+    size = max(1, round(config.stream.chunk * source.hz))
+    return source.hz, (trace[:, i : i + size] for i in range(0, trace.shape[1], size))
 
 
 def _from_standard_input(axes: int, size: int) -> Iterator[Chunk]:
     """Chunks (axes, samples) of raw float32, little-endian, all axes of a sample together."""
-    place = 0
+    position = 0
     while content := sys.stdin.buffer.read(size * axes * SAMPLE.itemsize):
         if len(content) % (axes * SAMPLE.itemsize):
             raise UserError(
@@ -115,6 +94,6 @@ def _from_standard_input(axes: int, size: int) -> Iterator[Chunk]:
                 "(stream.axes)."
             )
         samples = np.frombuffer(content, SAMPLE).reshape(-1, axes)
-        check_samples(samples.T, "Standard input, read as little-endian float32,", place)
-        place += len(samples)
+        check_samples(samples.T, "Standard input, read as little-endian float32,", position)
+        position += len(samples)
         yield samples.T.astype(np.float32)

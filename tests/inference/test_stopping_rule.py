@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import beta
 
-from tex_lightning.classifier.early_stopping import StoppingRule, is_confident, log_density
+from tex_lightning.inference.early_stopping import StoppingRule, is_confident, log_density
 
 POPULATIONS = st.lists(st.integers(0, 3), min_size=1, max_size=60)
 
@@ -35,20 +35,6 @@ def test_the_exact_rule_never_differs_from_the_full_vote(fragments, random):
         assert np.argmax(votes) == np.argmax(full)
     else:
         assert votes == full.tolist()
-
-
-@given(POPULATIONS, st.randoms(), st.sampled_from([0.0, 0.01, 0.2]))
-def test_asking_rarely_stops_no_sooner_than_asking_always(fragments, random, alpha):
-    random.shuffle(fragments)
-    rule = StoppingRule(alpha, 4)
-    votes = [0] * 4
-    for drawn, label in enumerate(fragments):
-        if rule.decided(votes, len(fragments) - drawn):
-            break
-        votes[label] += 1
-    else:
-        drawn = len(fragments)
-    assert run(rule, fragments)[1] >= drawn
 
 
 def test_unanimous_fragments_stop_at_the_closed_form():

@@ -1,9 +1,6 @@
 """Folders, patterns and lists of files for prediction."""
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +9,7 @@ import soundfile
 from conftest import RATE, make_trace
 
 from tex_lightning.errors import UserError
-from tex_lightning.inference.inputs import find_files, match_files
+from tex_lightning.tasks.predict import find_files, match_files
 
 
 @pytest.fixture(scope="module")
@@ -69,17 +66,3 @@ def test_stems_decide_where_they_are_the_same_and_else_the_order():
         match_files({"haptic": files["haptic"], "image": [*others, Path("z.png")]})
     with pytest.raises(UserError, match="nothing to classify"):
         match_files({"haptic": []})
-
-
-def test_a_reader_that_has_enough_ends_a_stream_quietly(untrained, folder, tmp_path):
-    command = [sys.executable, "-m", "tex_lightning", "task=stream", "stream.chunk=0.001"]
-    command += [f"checkpoint={untrained}/checkpoints/haptic.ckpt", "trainer.threads=1"]
-    command += [f"haptic={folder}/s1.wav", f"hydra.run.dir={tmp_path}"]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=dict(os.environ)
-    ) as process:
-        assert json.loads(process.stdout.readline())["time"] == 0.001
-        process.stdout.close()
-        complaint = process.stderr.read()
-    assert complaint == ""
-    assert process.returncode == 141  # as a shell says of what SIGPIPE ended
