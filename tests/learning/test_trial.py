@@ -52,36 +52,35 @@ def card(features: dict | None = None, network: dict | None = None) -> Card:
 
 
 @pytest.mark.parametrize(
-    ("spoil", "said"),
+    ("part", "spoil", "said"),
     [
-        ("none", "returned a NoneType for a batch of 1"),
-        ("array", r"returned a ndarray of float32 of shape \(1, 1, 90\)"),
-        ("batch", r"returned a Tensor of float32 of shape \(3, 1, 90\) for a batch of 1"),
-        ("nan", "holds NaN|gave NaN or infinity"),
-        ("outside", "gives other outputs once it is saved and loaded"),
+        ("features", "none", "returned a NoneType for a batch of 1"),
+        ("features", "array", r"returned a ndarray of float32 of shape \(1, 1, 90\)"),
+        (
+            "features",
+            "batch",
+            r"returned a Tensor of float32 of shape \(3, 1, 90\) for a batch of 1",
+        ),
+        ("features", "nan", "holds NaN|gave NaN or infinity"),
+        ("features", "outside", "gives other outputs once it is saved and loaded"),
+        ("network", "none", "returned a NoneType for a batch of 2"),
+        ("network", "batch", r"returned a Tensor of float32 of shape \(6, 2, 16\)"),
+        ("network", "flat", r"returned a Tensor of float32 of shape \(2, 2\) for a batch of 2"),
+        ("network", "nan", "gave NaN or infinity"),
+        ("network", "detached", "without a gradient, so nothing can be trained"),
+        ("network", "blind", "score_layer that turns 4 features into 2 scores, and .* 2 features"),
+        ("network", "outside", "gives other outputs once it is saved and loaded"),
     ],
 )
-def test_features_that_break_their_contract(world, spoil, said):
+def test_parts_that_break_their_contract(world, part, spoil, said):
     with pytest.raises(UserError, match=said):
-        try_branch(card({"spoil": spoil}), FIT, 20, *world)
+        try_branch(card(**{part: {"spoil": spoil}}), FIT, 20, *world)
 
 
-@pytest.mark.parametrize(
-    ("network", "said"),
-    [
-        ({"spoil": "none"}, "returned a NoneType for a batch of 2"),
-        ({"spoil": "batch"}, r"returned a Tensor of float32 of shape \(6, 2, 16\)"),
-        ({"spoil": "flat"}, r"returned a Tensor of float32 of shape \(2, 2\) for a batch of 2"),
-        ({"more": 1}, "gave 3 scores at each position, and there are 2 classes"),
-        ({"spoil": "nan"}, "gave NaN or infinity"),
-        ({"spoil": "detached"}, "without a gradient, so nothing can be trained"),
-        ({"spoil": "blind"}, "score_layer that turns 4 features into 2 scores, and .* 2 features"),
-        ({"spoil": "outside"}, "gives other outputs once it is saved and loaded"),
-    ],
-)
-def test_networks_that_break_their_contract(world, network, said):
-    with pytest.raises(UserError, match=rf"^model\.force\.network \(SpoiltNet\) .*{said}"):
-        try_branch(card(network=network), FIT, 20, *world)
+def test_scores_of_another_number_of_classes(world):
+    said = r"^model\.force\.network \(SpoiltNet\) gave 3 scores at each position, and there are 2"
+    with pytest.raises(UserError, match=said):
+        try_branch(card(network={"more": 1}), FIT, 20, *world)
 
 
 @pytest.mark.parametrize("part", ["features", "network"])

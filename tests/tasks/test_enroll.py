@@ -85,7 +85,6 @@ def test_a_fold_is_left_out(two, surfaces, cli, tmp_path):
         (["data=folder", "data.root={surfaces}"], "knows alpha, beta, gamma already; name the new"),
         (["data=folder", "data.root={surfaces}", "enroll.only=[gama]"], "did you mean gamma?"),
         (["data=folder", "data.root={photos}"], "has no traces to learn a class from"),
-        (["data=folder", "data.root={new}", "data.val_fold=1"], "leave it null"),
         (
             ["data=folder", "data.root={new}", "checkpoint={untrained}/checkpoints/haptic.ckpt"],
             "keeps no statistics of its features",

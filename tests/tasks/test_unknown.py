@@ -109,18 +109,3 @@ def test_checkpoints_that_cannot_tell_are_refused(untrained, bands, tmp_path):
         torch.save(content, tmp_path / "haptic.ckpt")
         with pytest.raises(UserError, match=message):
             tl.load(tmp_path / "haptic.ckpt", "decision.unknown=0.05")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["decision=sequential"], "decision=sequential looks at parts"),
-        (["model=minirocket"], "model=minirocket is none"),
-        (["data.val_fold=null"], "give data.val_fold=1"),
-    ],
-)
-def test_what_cannot_be_meant_is_refused(cli, surfaces, arguments, message):
-    data = ["model=haptic", "data=folder", f"data.root={surfaces}", "decision.unknown=0.05"]
-    outcome = cli(*data, *arguments)
-    assert outcome.status == 2
-    assert message in outcome.err
