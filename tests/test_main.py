@@ -116,7 +116,7 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(group):
         (["data.test_fold=null"], "data.test_fold is null"),
         (["task=crossval", "data.val_fold=2"], "not by task=crossval: leave it out"),
         (["checkpoint=a.ckpt"], "not by task=fit"),
-        (["image=a.jpg"], "image is read by task=predict, task=stream"),
+        (["image=a.jpg"], "image is read by task=predict, task=record"),
         (["decision.unknown=0.05", "model=minirocket"], "and model=minirocket is none"),
         (["decision.unknown=0.05", "data.val_fold=null"], "give data.val_fold=1"),
         (["task=predict", "checkpoint=null"], "task=predict needs one: give it"),
