@@ -1,39 +1,36 @@
 """What the commands of the documentation name: recordings, photos, weights, data sets, sensors.
 
 A page runs in a folder of its own. Placeholders such as ``DIR``, ``RUN`` and ``A.wav`` are files
-and folders of that name in it, and ``../shared`` has small stand-ins for the real recordings.
+and folders of that name in it.
 """
 
 import base64
 import gzip
 import hashlib
 import io
+import re
 import shutil
 import tarfile
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import soundfile
 import torch
 from conftest import RATE, make_photo, make_trace
+from haptic_sets import write_tum
 from PIL import Image
 
 from tex_lightning.data.recordings import natural_key
-from tex_lightning.export.web_page import FILES
+from tex_lightning.export.web_page import FILES, NAME, VERSION
 from tex_lightning.networks.trunks import TRUNKS
 
-CLASSES = ("A", "B", "C", "D", "E", "F")
-FEW = CLASSES[:3]  # of the measured sets: their sweeps are long enough
-KINDS = (*CLASSES, "G", "H")
-SENSES = ("haptic", "image", "sound")
+KINDS = "ABCDEFGH"
+WEIGHTS = {"ALEXNET.caffemodel": "alexnet_caffe", "VGG_M.caffemodel": "vgg_m"}
 SOUND_RATE = 44_100
 SPEEDS = (30, 60, 80, 90)
 
 
-def write_surfaces(
-    root: Path, classes: Sequence[str], *senses: str, recordings: int = 10, side: int = 240
-) -> Path:
+def write_surfaces(root: Path, classes: str, *senses: str, recordings: int = 10) -> None:
     """``root/CLASS/SENSE/NAME_00`` and on, a tone and stripes of its own for each class."""
     for label in classes:
         kind = KINDS.index(label)
@@ -41,13 +38,12 @@ def write_surfaces(
             (root / label / sense).mkdir(parents=True)
         for number in range(recordings):
             for sense in senses:
-                _write(root / label / sense / f"{label}_{number:02d}", sense, kind, number, side)
-    return root
+                _write(root / label / sense / f"{label}_{number:02d}", sense, kind, number)
 
 
-def _write(stem: Path, sense: str, kind: int, number: int, side: int = 240) -> None:
-    if sense == "image":
-        Image.fromarray(make_photo(kind, number, side)).save(stem.with_suffix(".jpg"))
+def _write(stem: Path, sense: str, kind: int, number: int) -> None:
+    if sense == "image":  # it is halved
+        Image.fromarray(make_photo(kind, number, 2 * 224)).save(stem.with_suffix(".jpg"))
         return
     trace = make_trace(kind, number)
     if sense == "sound":
@@ -55,12 +51,6 @@ def _write(stem: Path, sense: str, kind: int, number: int, side: int = 240) -> N
         trace = np.interp(np.arange(count) * RATE / SOUND_RATE, np.arange(len(trace)), trace)
     rate = SOUND_RATE if sense == "sound" else RATE
     soundfile.write(stem.with_suffix(".wav"), trace, rate, subtype="FLOAT")
-
-
-def write_sample(folder: Path) -> None:
-    """``A.wav`` and ``B.jpg``, which no network was trained on."""
-    _write(folder / "A", "haptic", 0, 20)
-    _write(folder / "B", "image", 0, 20, 2 * 224)
 
 
 def write_manifest(path: Path, surfaces: Path, *senses: str) -> None:
@@ -74,18 +64,6 @@ def write_manifest(path: Path, surfaces: Path, *senses: str) -> None:
             label = file.parents[1].name
             lines.append(f"{label},{sense},{file.resolve()},{group},{speed},{light}")
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def write_shared(root: Path) -> Path:
-    """Stand-ins for ``shared``, where measured figures have their recordings from."""
-    data = root / "data"
-    write_surfaces(data / "lmt16", FEW, "haptic")
-    write_surfaces(data / "lmt16_sound", FEW, "sound")
-    (data / "fingertip10").symlink_to(data / "lmt16")
-    write_surfaces(data / "paired", FEW, "haptic", "image")
-    write_manifest(data / "surfaces10.csv", data / "paired", "haptic", "image")
-    write_surfaces(data / "all", CLASSES, *SENSES, side=2 * 224)  # they are halved
-    return root
 
 
 def write_weights(path: Path, trunk: str) -> Path:
@@ -114,14 +92,28 @@ def write_web_runtime(path: Path) -> str:
     return f"sha512-{base64.b64encode(hashlib.sha512(path.read_bytes()).digest()).decode()}"
 
 
-def enter_page(folder: Path, world: Path, run: Path | None) -> None:
-    """Put what most pages name into the folder of one; ``RUN`` unless it makes its own."""
-    folder.mkdir()
-    if run is not None:
+def lay_out(folder: Path, page: Path, world: Path, run: Path) -> None:
+    """Put what a page names into its folder: recordings, weights, a ``RUN`` that it does not make.
+
+    Args:
+        folder: Empty.
+        page: The page.
+        world: Has surfaces in ``all`` and ``new``.
+        run: A finished run.
+    """
+    text = page.read_text(encoding="utf-8")
+    if not re.search(r"hydra\.(run|sweep)\.dir=RUN\b", text):
         shutil.copytree(run, folder / "RUN")
     for name in ("DIR", "DATA"):
-        (folder / name).symlink_to(world / "data" / "all")
+        (folder / name).symlink_to(world / "all")
     (folder / "NEW").symlink_to(world / "new")
-    write_sample(folder)
-    write_manifest(folder / "THREE.csv", world / "data" / "all", *SENSES)
-    write_manifest(folder / "FILE", world / "data" / "all", "haptic", "image")
+    _write(folder / "A", "haptic", 0, 20)  # which no network was trained on
+    _write(folder / "B", "image", 0, 20)
+    write_manifest(folder / "FILE", world / "all", "haptic", "image")
+    for file, trunk in WEIGHTS.items():
+        if file in text:
+            write_weights(folder / f"{trunk}.npz", trunk)
+    if "data.root=TUM" in text:
+        write_tum(folder / "TUM", classes=3, seconds=4, side=480)
+    if page.name == "deploy.md":
+        write_web_runtime(folder / f"{NAME}-{VERSION}.tgz")
