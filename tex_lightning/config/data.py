@@ -39,7 +39,7 @@ class Folding:
         "[1, 1000000]",
         default=None,
     )
-    test_where: dict[str, Any] | None = key(
+    test_where: Any = key(
         "conditions of the recordings that are tested and never trained or chosen on, in place of "
         "a fold: {speed: 60} or {speed: [50, 60], light: lamp}",
         default=None,
