@@ -13,6 +13,7 @@ from tex_lightning.evaluation.outcomes import (
     summarise,
 )
 from tex_lightning.report.table import (
+    POOLED,
     Row,
     Table,
     condition_rows,
@@ -24,11 +25,6 @@ from tex_lightning.report.table import (
 
 PAPER_DATA = ("tum", "kylberg", "kth_tips2b")
 DATA_TABLES = PAPER_DATA[1:]  # the paper has a table for each of them
-# Settings that leave a system what it is: its runs are pooled.
-POOLED = (
-    "data.test_fold", "data.val_fold", "data.test_where", "crossval.", "model.name", "data.name",
-    "task", "logger.", "hydra.",
-)  # fmt: skip
 MAX_SETTINGS = 4  # that a label shows
 
 

@@ -22,26 +22,13 @@ from tex_lightning.text import printable, printable_lines
 # Tol's bright palette for colour-blind readers, the winner's first, and two of his vibrant one
 COLOURS = ("#4477aa", "#ee6677", "#ccbb44", "#228833", "#66ccee", "#aa3377", "#ee7733", "#332288")
 OTHERS = "#bbbbbb"  # of classes without a colour of their own
-AXES = ("#222222", "#4477aa", "#ccbb44")  # of a signal
 WIDTH, DPI = 12.0, 100  # inches, and pixels of one
-SIGNAL, PHOTO, LINE = 3.7, 3.1, 0.22  # inches
+SIGNAL, PHOTO, LINE = 3.0, 3.1, 0.22  # inches
 CHARACTERS = 150  # of a line
 LONGEST = 28  # characters of a class name in a panel
 SHOWN = 300  # pixels of a photo's longer side that are drawn
 FRAME = 512  # samples of a column of the spectrogram
-BINS = 1200  # of a waveform, each drawn from its lowest to its highest sample
 MIX = 0.5  # of a class's colour over a grey photo
-
-
-def overlaid(evidence: Evidence, step: int, colours: Sequence[str]) -> Floats:
-    """A grey photo under the colours of its classes (height, width, 3), 0 to 1."""
-    grey = np.asarray(Image.fromarray(evidence.recording).convert("L").reduce(step)) / 255
-    labels = evidence.label_map(step)
-    pixels = np.repeat(grey[..., None], 3, axis=2)
-    painted = np.array([to_rgb(colour) for colour in colours])
-    pixels[labels >= 0] *= 1 - MIX
-    pixels[labels >= 0] += MIX * painted[labels[labels >= 0]]
-    return pixels
 
 
 @dataclass(frozen=True)
@@ -111,8 +98,7 @@ class Explanation:
             heading: A line above the title, such as the names of the files.
         """
         title = printable_lines("\n".join(filter(None, (printable(heading), self.title))))
-        colours = self._colours()
-        legend = self._legend(colours)
+        colours, legend = self._legend()
         columns = max(1, CHARACTERS // (8 + max(len(str(each.get_label())) for each in legend)))
         ratios = [PHOTO if e.rate is None else SIGNAL for e in self.senses.values()]
         ratios += [LINE * (1 + -(-len(legend) // columns))]
@@ -133,30 +119,25 @@ class Explanation:
         """
         write_figure(self.figure(heading), Path(path).expanduser())
 
-    def _colours(self) -> list[str]:
-        """The winner's, then those of the classes of most positions, in all senses alike."""
+    def _ranked(self) -> list[int]:
+        """Return the winner, then all classes that occur, those of most positions first."""
         shares: dict[int, float] = defaultdict(float)
         for each in self.senses.values():
             for label, count in Counter(each.labels.ravel().tolist()).items():
                 shares[label] += count / each.labels.size
         others = sorted(shares.keys() - {self.label}, key=lambda label: (-shares[label], label))
-        colours = [OTHERS] * len(self.classes)
-        for label, colour in zip([self.label, *others], COLOURS, strict=False):
-            colours[label] = colour
-        return colours
+        return [self.label, *others]
 
-    def _legend(self, colours: Sequence[str]) -> list[Patch]:
-        """Return an entry for each coloured class, and one for all others that occur."""
-        labels = [index for index, colour in enumerate(colours) if colour != OTHERS]
-        labels.sort(key=lambda index: COLOURS.index(colours[index]))
-        entries = [
-            Patch(color=colours[index], label=brief(self.classes[index], CHARACTERS))
-            for index in labels
-        ]
-        occurring = {label for sense in self.senses.values() for label in sense.labels.flat}
-        if rest := len(occurring - {*labels}):
+    def _legend(self) -> tuple[list[str], list[Patch]]:
+        """Return the colour of every class, and an entry for each coloured one and the others."""
+        ranked, colours = self._ranked(), [OTHERS] * len(self.classes)
+        entries = []
+        for label, colour in zip(ranked, COLOURS, strict=False):
+            colours[label] = colour
+            entries.append(Patch(color=colour, label=brief(self.classes[label], CHARACTERS)))
+        if rest := len(ranked) - len(entries):
             entries.append(Patch(color=OTHERS, label=f"{rest} other classes"))
-        return entries
+        return colours, entries
 
     def _draw(self, part: SubFigure, evidence: Evidence, colours: Sequence[str]) -> None:
         """Draw one sense under its mean margin."""
@@ -176,7 +157,11 @@ def _draw_photo(figure: SubFigure, evidence: Evidence, colours: Sequence[str]) -
     small = np.asarray(Image.fromarray(evidence.recording).reduce(step))
     extent = (0, small.shape[1] * step, small.shape[0] * step, 0)
     photo.imshow(small, extent=extent)
-    mapped.imshow(overlaid(evidence, step, colours), extent=extent)
+    grey = np.asarray(Image.fromarray(evidence.recording).convert("L").reduce(step)) / 255
+    pixels, labels = np.repeat(grey[..., None], 3, axis=2), evidence.label_map(step)
+    painted = np.array([to_rgb(colour) for colour in colours])[labels]
+    pixels[labels >= 0] = (1 - MIX) * pixels[labels >= 0] + MIX * painted[labels >= 0]
+    mapped.imshow(pixels, extent=extent)
     photo.set_title("photo, in pixels")
     mapped.set_title("class of every position")
     for axes in (photo, mapped):
@@ -184,12 +169,9 @@ def _draw_photo(figure: SubFigure, evidence: Evidence, colours: Sequence[str]) -
 
 
 def _draw_signal(figure: SubFigure, evidence: Evidence, colours: Sequence[str], label: int) -> None:
-    """Draw waveform, spectrogram, class and probability over time."""
-    wave, spectrogram, strip, line = figure.subplots(
-        4, 1, sharex=True, height_ratios=(1, 1.7, 0.25, 0.7)
-    )
+    """Draw spectrogram, class and probability over time."""
+    spectrogram, strip, line = figure.subplots(3, 1, sharex=True, height_ratios=(2, 0.25, 0.7))
     _draw_spectrogram(spectrogram, evidence)
-    _draw_wave(wave, evidence)  # which sets the limits of all
     labels, edges = evidence.labels[0], evidence.edges
     turns = np.flatnonzero(np.diff(labels, prepend=-1))
     ends = edges[[*turns[1:], len(labels)]]
@@ -201,21 +183,10 @@ def _draw_signal(figure: SubFigure, evidence: Evidence, colours: Sequence[str], 
     line.set(ylim=(-0.05, 1.05), yticks=(0, 0.5, 1), xlabel="s", ylabel="probability")
 
 
-def _draw_wave(axes: Axes, evidence: Evidence) -> None:
-    count = evidence.recording.shape[1]
-    begins = np.arange(bins := min(BINS, count)) * count // bins
-    for samples, colour in zip(evidence.recording, AXES, strict=False):
-        low, high = (each.reduceat(samples, begins) for each in (np.minimum, np.maximum))
-        seconds = begins / count * evidence.seconds
-        axes.fill_between(seconds, low, high, color=colour, alpha=0.7, linewidth=0.3)
-    axes.axvline(evidence.start, color="#cc3311", linestyle="--")
-    axes.set_title(f"movement from {evidence.start:.2f} s", loc="left", color="#cc3311", pad=2)
-    axes.set(xlim=(0, evidence.seconds), ylabel="signal")
-
-
 def _draw_spectrogram(axes: Axes, evidence: Evidence) -> None:
     """Draw the spectrogram of the axis that varies most."""
-    axes.set_ylabel("Hz")
+    axes.axvline(evidence.start, color="#cc3311", linestyle="--")
+    axes.set_title(f"movement from {evidence.start:.2f} s", loc="left", color="#cc3311", pad=2)
     strongest = evidence.recording[evidence.recording.std(axis=1).argmax()]
     length = min(FRAME, len(strongest))
     if length > 1:
@@ -227,3 +198,4 @@ def _draw_spectrogram(axes: Axes, evidence: Evidence) -> None:
             detrend="mean",
             cmap="magma",
         )
+    axes.set(xlim=(0, evidence.seconds), ylabel="Hz")

@@ -14,7 +14,6 @@ from tex_lightning.report.table import (
     facts,
     is_tiny,
     read_or_empty,
-    rerun_command,
     run_overrides,
     run_settings,
 )
@@ -30,9 +29,7 @@ that only the best row and only this row had right. Milliseconds run from decode
 label on this machine; fit s is the time of training of all folds of a row."""
 
 
-def write_report(
-    directory: Path, runs: Sequence[Path] | None = None, command: str | None = None
-) -> None:
+def write_report(directory: Path, runs: Sequence[Path] | None = None) -> None:
     """Write ``report.html``, and ``report.md`` for a sweep or a cross-validation.
 
     All figures are inside the page. Nothing is fetched, and what comes out of files is text, never
@@ -41,7 +38,6 @@ def write_report(
     Args:
         directory: A run folder, or that of a sweep.
         runs: Run folders of a sweep; None for a single run.
-        command: What repeats it; None takes what the run folder says.
     """
     results = read_or_empty(directory / "results.json")
     folders = [directory] if runs is None else runs
@@ -52,7 +48,7 @@ def write_report(
     context = {
         "title": " · ".join(names) or directory.name,
         "tiny": TINY if tiny else "",
-        "command": command or rerun_command(directory),
+        "overrides": run_overrides(directory),
         "notes": NOTES if systems else "",
         "tables": comparison_tables(systems) if compares else _by_condition(results),
         "figures": sorted([*directory.glob("*.png"), *directory.glob("figures/*.png")]),

@@ -22,15 +22,13 @@ from tex_lightning.data.recordings import natural_key
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.report.table import (
+    FOLD_KEYS,
     TINY,
     counted,
-    folder_flags,
     is_tiny,
     make_table,
-    python_command,
     run_overrides,
     run_settings,
-    written,
 )
 
 Row = dict[str, Any]
@@ -39,8 +37,6 @@ log = logging.getLogger(__name__)
 
 FAILURE = "failure.json"
 ONE_BY_ONE = "hydra._internal.core_plugins.basic_launcher.BasicLauncher"
-OWN_KEYS = ("hydra.mode=", "hydra.sweep.dir=")
-FOLD_KEYS = ("data.test_fold", "data.val_fold")  # settings that tell folds of one system apart
 NO_SWEEP = (
     "A sweep runs every job in one process; leave out trainer=ddp, trainer.devices and "
     "trainer.num_nodes, or run without -m."
@@ -109,14 +105,14 @@ class SweepSummary(Callback):
             SystemExit: If it cannot be written.
         """
         with self._running, _as_exit():
-            _summarise(config, _folder(config))
+            _summarise(_folder(config))
 
 
 def _folder(config: DictConfig) -> Path:
     return Path(str(OmegaConf.select(config, "hydra.sweep.dir"))).resolve()
 
 
-def _summarise(config: DictConfig, directory: Path) -> None:
+def _summarise(directory: Path) -> None:
     marks = [*directory.glob("*/.hydra/overrides.yaml"), *directory.glob(f"*/{FAILURE}")]
     jobs = sorted({directory / mark.relative_to(directory).parts[0] for mark in marks})
     jobs.sort(key=lambda path: natural_key(path.name))
@@ -129,20 +125,12 @@ def _summarise(config: DictConfig, directory: Path) -> None:
     _print(rows, directory)
     from tex_lightning.report.page import write_report  # heavy, and only now needed
 
-    write_report(directory, jobs, rerun_command(config, directory))
+    write_report(directory, jobs)
 
 
 def runs_side_by_side(config: DictConfig) -> bool:
     """Whether a launcher runs the jobs of a sweep in processes of their own."""
     return str(OmegaConf.select(config, "hydra.launcher._target_")) != ONE_BY_ONE
-
-
-def rerun_command(config: DictConfig, directory: Path) -> str:
-    """The command that repeats or continues a sweep in its folder."""
-    overrides = OmegaConf.select(config, "hydra.overrides", default={})
-    given = [item for each in ("hydra", "task") for item in written(overrides.get(each, []))]
-    kept = [item for item in given if not item.startswith(OWN_KEYS)]
-    return python_command("-m", *folder_flags(config), *kept, f"hydra.sweep.dir={directory}")
 
 
 def _rows(job: Path) -> list[Row]:

@@ -1,6 +1,5 @@
 """Tables of a run: made once, shown on the terminal, in ``report.md`` and in ``report.html``."""
 
-import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,6 +16,12 @@ from tex_lightning.evaluation.conditions import KEY
 
 PAPER = Path(__file__).with_name("paper.yaml")
 TINY = "debug=tiny shrank every budget of this run: its figures mean nothing."
+FOLD_KEYS = ("data.test_fold", "data.val_fold")
+# Beginnings of settings that leave a system what it is: its runs are pooled.
+POOLED = (
+    *FOLD_KEYS, "data.test_where", "crossval.", "model.name", "data.name", "task", "logger.",
+    "hydra.",
+)  # fmt: skip
 MAX_LISTED = 12  # values of a condition that a table lists; results.json has all
 
 Network = Mapping[str, Any]  # an entry of results.json
@@ -175,39 +180,17 @@ def run_settings(directory: Path) -> dict[str, Any]:
 
 
 def run_overrides(directory: Path) -> list[str]:
-    """Overrides of a run folder, as they were written; empty if it has none on record."""
+    """Return the overrides of a run folder as they were written; empty if none are on record."""
     path = directory / ".hydra" / "overrides.yaml"
-    return written(OmegaConf.load(path)) if path.is_file() else []
-
-
-def rerun_command(directory: Path) -> str:
-    """The command that repeats a run in its folder."""
-    path = directory / ".hydra" / "hydra.yaml"
-    flags = folder_flags(OmegaConf.load(path)) if path.is_file() else []
-    return python_command(*flags, *run_overrides(directory), f"hydra.run.dir={directory}")
-
-
-def folder_flags(config: Any) -> list[str]:  # noqa: ANN401  (OmegaConf's)
-    """The ``--config-dir`` that Hydra was given, by its own part of a configuration."""
-    sources = OmegaConf.select(config, "hydra.runtime.config_sources", default=[])
-    given = [each.path for each in sources if each.provider == "command-line"]
-    return [part for folder in given for part in ("--config-dir", str(folder))]
-
-
-def written(overrides: Any) -> list[str]:  # noqa: ANN401  (a list, or one of OmegaConf's)
-    """Overrides with their interpolations as such: outside of the job some have no value."""
-    plain: Any = OmegaConf.to_container(OmegaConf.create(overrides), resolve=False)
+    if not path.is_file():
+        return []
+    plain: Any = OmegaConf.to_container(OmegaConf.load(path), resolve=False)
     return [str(item) for item in plain]
 
 
 def is_tiny(overrides: Sequence[str]) -> bool:
     """Whether a run only tried the plumbing."""
     return "debug=tiny" in [item.lstrip("+") for item in overrides]
-
-
-def python_command(*arguments: str) -> str:
-    """The command that runs this package with some arguments."""
-    return shlex.join(["python", "-m", "tex_lightning", *arguments])
 
 
 def paper_table(name: str) -> dict[str, Any]:
