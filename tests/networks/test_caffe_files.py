@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 import torch
 from conftest import visualnet as make
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from scipy.signal import correlate
 
 from tex_lightning.errors import UserError
-from tex_lightning.networks.weights import load_trunk_weights, read_caffemodel
+from tex_lightning.networks.weights import caffe_network, load_trunk_weights, read_caffemodel
 
 ALEXNET = {
     "conv1": (96, 3, 11, 11),
@@ -28,60 +27,6 @@ VGG_M = {
 }
 SHAPES = {"alexnet_caffe": ALEXNET, "tcnn": ALEXNET, "vgg_m": VGG_M}
 STRIDES = {"alexnet_caffe": 4, "tcnn": 4, "vgg_m": 2}
-FORMS = ["layers", "layer", "unpacked", "double"]
-# Name, number, type and, where it is a message or repeated, which, as in caffe.proto.
-FLOAT, DOUBLE, INT64, INT32, STRING, MESSAGE = 2, 1, 3, 5, 9, 11
-SCHEMA = {
-    "Shape": [("dim", 1, INT64, "*")],
-    "Blob": [
-        ("num", 1, INT32, ""),
-        ("channels", 2, INT32, ""),
-        ("height", 3, INT32, ""),
-        ("width", 4, INT32, ""),
-        ("data", 5, FLOAT, "*"),
-        ("diff", 6, FLOAT, "*"),
-        ("shape", 7, MESSAGE, "Shape"),
-        ("double_data", 8, DOUBLE, "*"),
-    ],
-    "Old": [
-        ("bottom", 2, STRING, "*"),
-        ("name", 4, STRING, ""),
-        ("type", 5, INT32, ""),
-        ("blobs", 6, MESSAGE, "Blob*"),
-        ("blobs_lr", 7, FLOAT, "*"),
-    ],
-    "New": [
-        ("name", 1, STRING, ""),
-        ("type", 2, STRING, ""),
-        ("bottom", 3, STRING, "*"),
-        ("blobs", 7, MESSAGE, "Blob*"),
-        ("phase", 10, INT32, ""),
-    ],
-    "Net": [
-        ("name", 1, STRING, ""),
-        ("layers", 2, MESSAGE, "Old*"),
-        ("input_dim", 4, INT32, "*"),
-        ("layer", 100, MESSAGE, "New*"),
-    ],
-}
-
-
-def network_class(packed: bool) -> type:
-    """Caffe's NetParameter, as far as these files use it."""
-    package = f"caffe_{packed}".lower()
-    file = descriptor_pb2.FileDescriptorProto(name=f"{package}.proto", package=package)
-    for message, fields in SCHEMA.items():
-        entry = file.message_type.add(name=message)
-        for name, number, kind, more in fields:
-            repeated = more.endswith("*")
-            field = entry.field.add(name=name, number=number, type=kind, label=1 + 2 * repeated)
-            if kind == MESSAGE:
-                field.type_name = f".{package}.{more.rstrip('*')}"
-            elif repeated and kind != STRING:
-                field.options.packed = packed
-    pool = descriptor_pool.DescriptorPool()
-    pool.Add(file)
-    return message_factory.GetMessageClass(pool.FindMessageTypeByName(f"{package}.Net"))
 
 
 def fabricate(shapes):
@@ -96,12 +41,10 @@ def fabricate(shapes):
 
 
 def write_caffemodel(path, arrays, form="layers"):
-    net = network_class(form != "unpacked")(name="Net", input_dim=[10, 3, 227, 227])
+    net = caffe_network()()
     for name, pair in arrays.items():
         old = form != "layer"
-        layer = net.layers.add(type=4) if old else net.layer.add(type="Convolution", phase=1)
-        layer.name = name
-        layer.bottom.append("data")
+        layer = net.layers.add(name=name) if old else net.layer.add(name=name)
         for array in pair:
             blob = layer.blobs.add()
             if old:
@@ -109,7 +52,6 @@ def write_caffemodel(path, arrays, form="layers"):
                 blob.num, blob.channels, blob.height, blob.width = shape
             else:
                 blob.shape.dim.extend(array.shape)
-            blob.diff.append(0.5)
             (blob.double_data if form == "double" else blob.data).extend(array.ravel().tolist())
     path.write_bytes(net.SerializeToString())
     return path
@@ -140,14 +82,26 @@ def assert_conv1(net, trunk, planes, weight, bias):
         assert np.abs(found[out] - expected).max() < 1e-4 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("form", ["layers", "layer", "double"])
 def test_every_form_of_the_format_is_read(tmp_path, form):
     arrays = fabricate({"conv1": (6, 3, 2, 2), "fire2/squeeze": (4, 6, 1, 1)})
-    found = read_caffemodel(write_caffemodel(tmp_path / "a.caffemodel", arrays, form))
+    path = write_caffemodel(tmp_path / "a.caffemodel", arrays, form)
+    found = read_caffemodel(path, arrays)
     assert len(found) == 4
     for name, (weight, bias) in arrays.items():
         np.testing.assert_array_equal(found[f"{name}.weight"], weight)
         np.testing.assert_array_equal(found[f"{name}.bias"], bias)
+    assert read_caffemodel(path, ["conv1"]).keys() == {"conv1.weight", "conv1.bias"}
+
+
+def test_the_fields_are_those_of_caffes_own_files(tmp_path):
+    """Tags of the wire format, (number << 3 | type): a layer 100 and its name 1 and blob 7."""
+    floats = np.float32([1, 2, 3]).tobytes()
+    blob = b"\x2a\x0c" + floats + b"\x3a\x03\x0a\x01\x03"
+    layer = b"\x0a\x05conv1" + b"\x12\x04Conv" + b"\x3a" + bytes([len(blob)]) + blob
+    (tmp_path / "a.caffemodel").write_bytes(b"\x0a\x03Net\xa2\x06" + bytes([len(layer)]) + layer)
+    found = read_caffemodel(tmp_path / "a.caffemodel", ["conv1"])
+    np.testing.assert_array_equal(found["conv1.weight"], [1, 2, 3])
 
 
 @pytest.mark.parametrize("trunk", ["alexnet_caffe", "tcnn"])

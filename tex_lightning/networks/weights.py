@@ -1,13 +1,12 @@
 """Reading ImageNet weights of VisualNet's trunks: files of Caffe and EfficientNet-Lite.
 
-A ``.caffemodel`` is read from protobuf's wire format without Caffe or a schema. Field numbers are
-those of ``caffe.proto``: a network holds ``layer`` (100) or, in files of 2014, ``layers`` (2); a
-layer has a name and blobs; a blob has a shape and numbers. Everything else is passed over.
+A ``.caffemodel`` is read by protobuf without Caffe; what is no weight is passed over.
 """
 
 import hashlib
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Mapping
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -81,7 +80,7 @@ def load_trunk_weights(trunk: Trunk, source: str | Path) -> str:
     if layout is None or layout not in trunk.layouts:
         usable = [suffix for suffix, known in LAYOUTS.items() if known in trunk.layouts]
         raise UserError(f"weights: {path} is not for {name}, which reads {', '.join(usable)}.")
-    state = _select(trunk, _read(path), layout, path)
+    state = _select(trunk, _read(path, trunk.layouts[layout]), layout, path)
     _fold_input(state, next(iter(trunk.layouts[layout].values())), PIXELS[layout])
     trunk.load_state_dict({**dict(trunk.named_buffers()), **state})
     if not trunk.textures:
@@ -132,8 +131,8 @@ def find_weights(trunk: Trunk, source: str) -> Path:
     return files[0]
 
 
-def _read(path: Path) -> Mapping[str, Tensor]:
-    """Return weights and biases by name."""
+def _read(path: Path, names: Iterable[str]) -> Mapping[str, Tensor]:
+    """Return weights and biases by name, at least those of the layers named."""
     try:
         check_archive(path)
         if LAYOUTS[path.suffix] == "efficientnet":
@@ -141,7 +140,7 @@ def _read(path: Path) -> Mapping[str, Tensor]:
                 content: Any = torch.load(path, map_location="cpu", weights_only=True)
             return fold_statistics(content)
         if path.suffix == ".caffemodel":
-            arrays: Mapping[str, npt.NDArray[Any]] = read_caffemodel(path)
+            arrays: Mapping[str, npt.NDArray[Any]] = read_caffemodel(path, names)
         else:  # opened here because NumPy leaves a damaged file open
             with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
                 arrays = {name: stored[name] for name in stored.files}
@@ -207,90 +206,72 @@ def _scale_features(trunk: Trunk) -> None:
             parameter.div_(size)
 
 
-VARINT, FIXED64, BYTES, FIXED32 = 0, 1, 2, 5
-NAME_AND_BLOBS = {2: (4, 6), 100: (1, 7)}  # fields of a layer by the field of the network
-OLD_SHAPE = (1, 2, 3, 4)  # num, channels, height, width
-SHAPE = 7
-DTYPES = {5: "<f4", 8: "<f8"}
-Fields = list[tuple[int, Any]]  # of a message: number and content, an integer or bytes
+# Messages of caffe.proto, as far as weights take them: number and type of each field.
+MESSAGES: dict[str, dict[str, tuple[int, str]]] = {
+    "BlobShape": {"dim": (1, "int64")},
+    "BlobProto": {
+        "num": (1, "int32"), "channels": (2, "int32"), "height": (3, "int32"),
+        "width": (4, "int32"), "data": (5, "float"), "shape": (7, "BlobShape"),
+        "double_data": (8, "double"),
+    },
+    "V1LayerParameter": {"name": (4, "string"), "blobs": (6, "BlobProto")},
+    "LayerParameter": {"name": (1, "string"), "blobs": (7, "BlobProto")},
+    "NetParameter": {"layers": (2, "V1LayerParameter"), "layer": (100, "LayerParameter")},
+}  # fmt: skip
+REPEATED = ("dim", "data", "double_data", "blobs", "layers", "layer")
 
 
-def read_caffemodel(path: Path) -> dict[str, Array]:
-    """Read the first two blobs of every layer as ``{layer}.weight`` and ``{layer}.bias``.
+@cache
+def caffe_network() -> type[Any]:
+    """Return the class of Caffe's ``NetParameter``; a file of 2014 has ``layers``."""
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+
+    file = descriptor_pb2.FileDescriptorProto(name="caffe.proto", package="caffe")
+    types = descriptor_pb2.FieldDescriptorProto.Type
+    for name, fields in MESSAGES.items():
+        message = file.message_type.add(name=name)
+        for field, (number, kind) in fields.items():
+            own = kind in MESSAGES
+            message.field.add(
+                name=field,
+                number=number,
+                label=3 if field in REPEATED else 1,
+                type=types.Value(f"TYPE_{'MESSAGE' if own else kind.upper()}"),
+                type_name=f".caffe.{kind}" if own else None,
+            )
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(file)
+    network = pool.FindMessageTypeByName("caffe.NetParameter")
+    message_class: type[Any] = message_factory.GetMessageClass(network)
+    return message_class
+
+
+def read_caffemodel(path: Path, names: Iterable[str]) -> dict[str, Array]:
+    """Read the first two blobs of some layers as ``{layer}.weight`` and ``{layer}.bias``.
 
     Raises:
-        ValueError: If the file is cut off or no such file.
+        google.protobuf.message.DecodeError: If the file is cut off or no such file.
+        ValueError: If it has no layers.
     """
-    arrays: dict[str, Array] = {}
-    for number, content in _fields(memoryview(path.read_bytes())):
-        if number not in NAME_AND_BLOBS:
-            continue
-        name_field, blob_field = NAME_AND_BLOBS[number]
-        layer = list(_fields(content))
-        name = "".join(bytes(value).decode() for field, value in layer if field == name_field)
-        blobs = [_blob(list(_fields(value))) for field, value in layer if field == blob_field]
-        for kind, blob in zip(("weight", "bias"), blobs, strict=False):
-            arrays[f"{name}.{kind}"] = blob
-    if not arrays:
+    network, wanted = caffe_network()(), {*names}
+    network.ParseFromString(path.read_bytes())
+    if not network.layers and not network.layer:
         raise ValueError("no layers")
-    return arrays
+    return {
+        f"{layer.name}.{kind}": _blob(blob)
+        for layer in (*network.layers, *network.layer)
+        if layer.name in wanted
+        for kind, blob in zip(("weight", "bias"), layer.blobs, strict=False)
+    }
 
 
-def _blob(fields: Fields) -> Array:
-    """An array; a bias that the old form calls 1 x 1 x 1 x n has n elements."""
-    parts = [np.frombuffer(value, DTYPES[field]) for field, value in fields if field in DTYPES]
-    old = {field: value for field, value in fields if field in OLD_SHAPE}
-    shape = [old.get(field, 0) for field in OLD_SHAPE]
+def _blob(blob: Any) -> Array:  # noqa: ANN401  (made at run time)
+    """Return an array; a bias that the old form calls 1 x 1 x 1 x n has n elements."""
+    shape = [blob.num, blob.channels, blob.height, blob.width]
     if shape[:3] == [1, 1, 1]:
         shape = shape[3:]
-    if not any(shape):
-        sizes = [each for field, value in fields if field == SHAPE for each in _fields(value)]
-        shape = [size for _, packed in sizes for size in _varints(packed)]
-    found: Array = np.concatenate(parts or [np.empty(0, "<f4")]).reshape(shape)
-    return found
-
-
-def _fields(content: memoryview) -> Iterator[tuple[int, Any]]:
-    """Number and content of every field of a message: an integer, or bytes."""
-    place = 0
-    while place < len(content):
-        tag, place = _varint(content, place)
-        number, kind = tag >> 3, tag & 7
-        if kind == VARINT:
-            value, place = _varint(content, place)
-            yield number, value
-            continue
-        if kind == BYTES:
-            size, place = _varint(content, place)
-        elif kind in (FIXED32, FIXED64):
-            size = 4 if kind == FIXED32 else 8
-        else:
-            raise ValueError(f"unknown wire type {kind}")
-        if number == 0 or place + size > len(content):
-            raise ValueError("cut off")
-        yield number, content[place : place + size]
-        place += size
-
-
-def _varint(content: memoryview, place: int) -> tuple[int, int]:
-    """The integer that begins at ``place``, seven bits a byte, and the place behind it."""
-    value = 0
-    for shift, byte in enumerate(content[place : place + 10]):
-        value |= (byte & 127) << 7 * shift
-        if byte < 128:
-            return value, place + shift + 1
-    raise ValueError("cut off")
-
-
-def _varints(packed: int | memoryview) -> Iterator[int]:
-    """Integers of a repeated field, packed or single."""
-    if isinstance(packed, int):
-        yield packed
-        return
-    place = 0
-    while place < len(packed):
-        value, place = _varint(packed, place)
-        yield value
+    values = np.array(blob.data or blob.double_data, dtype=np.float32)
+    return values.reshape(shape if any(shape) else list(blob.shape.dim))
 
 
 EPSILON = 1e-3  # of the variance, as in TensorFlow's network
