@@ -12,7 +12,7 @@ from scipy.stats import binomtest
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.evaluation.outcomes import read_outcomes
 
-ONLY = ("white_noise", "shorter_trace", "jpeg", "haptic_missing", "image_swapped")
+ONLY = ("white_noise", "shorter_trace", "jpeg", "haptic_missing", "image_missing")
 COLUMNS = (
     "system modality perturbation severity test_samples vote_accuracy ci_low ci_high flip_rate"
 )

@@ -16,8 +16,8 @@ from tex_lightning.errors import UserError, reason
 from tex_lightning.perturbations import pixels, traces
 from tex_lightning.perturbations.pixels import Array, Scene
 
-BOTH = "both"  # of what is wrong with how recordings are put together
-MISSING, SWAPPED = "missing", "swapped"  # what becomes of the modality that is hit
+BOTH = "both"  # of samples that lack a modality
+MISSING = "_missing"  # ends the names of these
 SEVERITIES = (1, 2, 3, 4, 5)
 LARGEST = 1e30  # of a level; recordings are float32
 SCALES = Path(__file__).with_name("severities.yaml")
@@ -53,10 +53,9 @@ class Perturbation:
         return self.function is not None and "." in self.function
 
     @property
-    def effect(self) -> tuple[str, str]:
-        """Modality and effect of one of :data:`BOTH`."""
-        modality, _, becomes = self.name.rpartition("_")
-        return modality, becomes
+    def lacks(self) -> str:
+        """Modality that samples of one of :data:`BOTH` lack."""
+        return self.name.removesuffix(MISSING)
 
     def value(self, severity: float) -> float:
         """The value, in ``unit``, of any severity from 0 to 5."""
@@ -101,7 +100,7 @@ def read_severities(path: str | Path) -> dict[str, Perturbation]:
 
     Every line also names its ``function``, by a dotted path or one of the package. It takes a
     signal (axes, samples) float32 or a photo (height, width, 3) uint8, a value between two levels,
-    and a :class:`Scene`. Lines of :data:`BOTH`, which are MODALITY_missing and MODALITY_swapped,
+    and a :class:`Scene`. Lines of :data:`BOTH`, which are MODALITY_missing,
     have none.
 
     Raises:
@@ -141,8 +140,8 @@ def _check(kind: Perturbation) -> None:
         raise ValueError(f"{kind.name} has no six levels, each below {LARGEST:g}")
     if kind.modality != BOTH:
         _function(kind)
-    elif kind.effect[1] not in (MISSING, SWAPPED):
-        raise ValueError(f"{kind.name} is neither MODALITY_missing nor MODALITY_swapped")
+    elif not kind.name.endswith(MISSING):
+        raise ValueError(f"{kind.name} is no MODALITY{MISSING}")
 
 
 def _changed(kind: Perturbation, recording: Array, value: float, scene: Scene) -> Array:

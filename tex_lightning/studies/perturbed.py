@@ -20,7 +20,7 @@ from tex_lightning.data.store import Store, Unusable, fingerprint
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.perturbations.pixels import Array, Scene
-from tex_lightning.perturbations.table import BOTH, MISSING, Perturbation
+from tex_lightning.perturbations.table import BOTH, Perturbation
 from tex_lightning.report.stability_charts import StabilityRow
 
 Labels = list[int | None]  # class index of each sample; None where the classifier refuses it
@@ -45,7 +45,7 @@ class PerturbedDataset:
         self._perturbed: dict[Recording, Array] = {}
 
     def add(self, rows: Iterable[Recording], store: Store) -> None:
-        """Add recordings, which may be classified and may serve as partners of others."""
+        """Add recordings of a store."""
         self.stores.update((row, store) for row in rows)
 
     def clean(self, row: Recording) -> Array:
@@ -61,14 +61,6 @@ class PerturbedDataset:
             scene = Scene(rng, self.rate)
             self._perturbed[row] = perturbation.apply(np.array(self.clean(row)), severity, scene)
         return self._perturbed[row]
-
-    def partner(self, row: Recording, rng: np.random.Generator) -> Recording:
-        """A recording of another class, of the same fold if there is one."""
-        others = [other for other in self.stores if other.label != row.label]
-        others.sort(key=lambda other: other.source)
-        near = [other for other in others if other.fold == row.fold]
-        choice = near or others
-        return choice[int(rng.integers(len(choice)))]
 
 
 _fingerprint = cache(fingerprint)
@@ -106,21 +98,16 @@ class SystemFold:
         """Label the samples, as they are or perturbed."""
         self._perturbed = {}
         if perturbation is not None and perturbation.modality == BOTH:
-            return [self._recombined(sample, perturbation, severity) for sample in self.samples]
+            return [self._lacking(sample, perturbation, severity) for sample in self.samples]
         return [self.label(each.recordings, perturbation, severity) for each in self.samples]
 
-    def _recombined(
-        self, sample: Sample, perturbation: Perturbation, severity: float
-    ) -> int | None:
-        """Label recordings that are whole, put together wrongly."""
-        value, rows = perturbation.value(severity), dict(sample.recordings)
-        modality, becomes = perturbation.effect
-        dataset = self.datasets[modality]
-        rng = make_rng(dataset.seed, perturbation.name, *rows.values())
-        if rng.random() < value:
-            row = rows.pop(modality)
-            if becomes != MISSING:
-                rows[modality] = dataset.partner(row, rng)
+    def _lacking(self, sample: Sample, perturbation: Perturbation, severity: float) -> int | None:
+        """Label a sample, a share of which lack a modality."""
+        rows = dict(sample.recordings)
+        seed = self.datasets[perturbation.lacks].seed
+        rng = make_rng(seed, perturbation.name, *rows.values())
+        if rng.random() < perturbation.value(severity):
+            del rows[perturbation.lacks]
         return self.label(rows)
 
     @torch.inference_mode()
@@ -205,7 +192,7 @@ class PerturbedSystem:
         read = {*self.folds[0].classifier.card.modalities}
         if perturbation.modality != BOTH:
             return perturbation.modality in read
-        return perturbation.effect[0] in read and len(read) > 1
+        return perturbation.lacks in read and len(read) > 1
 
 
 def run_trial(system: PerturbedSystem, perturbation: Perturbation, severity: float) -> StabilityRow:
