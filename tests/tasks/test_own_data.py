@@ -1,7 +1,6 @@
 """Recordings as users have them, from the command line: what is said first, and what is bad."""
 
 import json
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -83,17 +82,6 @@ def test_mixed_rates_are_told_apart_and_said_first(cli, mixed, tmp_path):
     )
     fragments = [json.loads(line)["fragments"] for line in predicted.out.splitlines()]
     assert fragments[1] > 3 * fragments[0]  # 8 s and 2.4 s; at 10 kHz neither gives any
-
-
-def test_assumed_rates_that_make_odd_durations_are_pointed_out(cli, mixed, tmp_path):
-    root = tmp_path / "two"
-    for label in ("alpha", "gamma"):
-        shutil.copytree(mixed / label, root / label)
-    np.savetxt(root / "gamma" / "Haptic" / "9.txt", slower(make_trace(2, 9, 40.0)))
-    outcome = cli("model=haptic", *options(root, tmp_path))
-    assert outcome.status == 0, outcome.err
-    assert outcome.err.count("Is 10,000 Hz the rate of all files that name none?") == 1
-    assert f"gamma, 10 s (1 files, {root}/gamma/Haptic/9.txt for one)" in outcome.err
 
 
 @pytest.fixture
