@@ -4,10 +4,13 @@ Each tested fold has a partner that is left out of training with it. The system 
 all votes; how well such a choice does is measured on each fold by the choice on its partner.
 """
 
+import shlex
 import time
 from collections.abc import Mapping, Sequence
 from statistics import fmean
 from typing import Any
+
+from omegaconf import OmegaConf
 
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
@@ -25,7 +28,6 @@ from tex_lightning.report.frontier_chart import (
     frontier_figure,
     print_frontier,
 )
-from tex_lightning.report.table import folder_flags, python_command
 from tex_lightning.studies.family import (
     System,
     compose_family,
@@ -147,5 +149,8 @@ def _rows(systems: Sequence[System], chosen: System) -> list[dict[str, Any]]:
 
 def _command(job: Job, overrides: Sequence[str]) -> str:
     """Return the command that trains a system on the user's data."""
+    sources = OmegaConf.select(job.hydra, "hydra.runtime.config_sources", default=[])
+    folders = [source.path for source in sources if source.provider == "command-line"]
+    flags = [part for folder in folders for part in ("--config-dir", str(folder))]
     ordered = sorted(with_system(job, overrides), key=lambda item: not item.startswith("model="))
-    return python_command(*folder_flags(job.hydra), *job.searchpath, *ordered)
+    return shlex.join(["python", "-m", "tex_lightning", *flags, *job.searchpath, *ordered])
