@@ -18,7 +18,6 @@ from tex_lightning.senses.features.proportions import (
     FLOOR,
     BandProportions,
     compared,
-    hop_length,
 )
 from tex_lightning.senses.features.spectrogram import (
     IMPACT_FACTOR,
@@ -199,7 +198,7 @@ class ProportionsGraph(nn.Module):
         for index in features.used:
             window = features.get_buffer(f"window{index}")
             filters = features.get_buffer(f"filters{index}").T / window.sum().square()
-            hop = hop_length(features.lengths[index])
+            hop = features.hop_length(index)
             self.powers.append(BandPower(window, hop, filters, centred=True))
 
     def forward(self, trace: Tensor) -> Heard:
@@ -212,9 +211,8 @@ class ProportionsGraph(nn.Module):
         responses = []
         for index, power in zip(features.used, self.powers, strict=True):
             bands = (power(centred) / features.level + FLOOR).log().T
-            responses.append(compared(bands, features.gaps[index]))
-        longest = features.lengths.index(features.min_samples)
-        frames = len(responses[features.used.index(longest)])
+            responses.append(compared(bands, features.gaps[index], features.overlaps[index]))
+        frames = len(responses[features.used.index(features.longest)])
         fragments = self._fragments(samples, frames)
         return features.join(responses, trace, fragments), start
 

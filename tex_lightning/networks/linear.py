@@ -17,7 +17,10 @@ from tex_lightning.networks.blocks import Head, Level
 MIN_DEVIATION = 1e-3  # of a feature; one that hardly varies says nothing
 SHARPNESS = 10.0  # of scores from about 0 to 1, to begin with
 STRENGTHS = (0.001, 0.01, 0.1, 1.0)  # of the ridge
+SHRINKAGE = 3.0  # of the scatter of scores within classes, as a multiple of their mean variance
+LEVEL_SHRINKAGE = 0.001  # of the scatter of levels, likewise
 OPTIONAL = "power"  # kind of block that is left out unless it helps
+WHITENED = "level"  # kind of block whose features vary together, as under another pressure
 MAX_ROWS = 2000  # that strength and blocks are chosen on
 
 
@@ -29,6 +32,12 @@ class LinearNet(nn.Module):
     between recordings. Where a class has but one recording, its fragments are the rows. The score
     of a mean is the mean of the scores, so averaging the fragments' scores is the same as
     classifying the whole recording.
+
+    What varies between recordings of one class is noise. Features of the kind ``level`` are
+    brought to equal scatter within the classes before the ridge, and its scores become linear
+    discriminants (Fisher 1936; Hastie et al. 1994, Flexible discriminant analysis): distances to
+    the classes' mean scores in units of the scatter within classes, which is shrunk towards equal
+    scatter.
 
     The strength of the ridge, and whether blocks of the kind ``power`` are used, are chosen on the
     training recordings: by the squared error on groups of them that are left out of the fit.
@@ -121,18 +130,27 @@ class LinearNet(nn.Module):
         sizes = torch.tensor([size for _, size in self.blocks])
         share = torch.repeat_interleave(sizes.double().rsqrt(), sizes)  # of unit length by block
         rows = (rows - mean) * scale * share
+        levels = torch.repeat_interleave(self._are(WHITENED), sizes)
+        whitening = equal_scatter(rows[:, levels], labels)
+        rows[:, levels] = rows[:, levels] @ whitening
         some = slice(None, None, math.ceil(len(rows) / MAX_ROWS))
         kept, strength, held_out = self._choose(rows[some], labels[some], left_out[some])
-        scores = list(SHARPNESS * held_out[:, :, None])
-        sharpness = SHARPNESS / fit_temperature(scores, labels[some].tolist())
         problem = _Ridge(rows, labels, self.classes)
         weight = problem.solve(kept, strength)
+        offset = problem.share - problem.centre @ weight
+        turn, shift = discriminants(rows @ weight + offset, labels)
+        scores = list(SHARPNESS * (held_out @ turn + shift)[:, :, None])
+        sharpness = SHARPNESS / fit_temperature(scores, labels[some].tolist())
+        weight[levels] = whitening @ weight[levels]
         self.mean.copy_(mean[:, None, None])
         self.scale.copy_(scale[:, None, None])
         layer = self.score_layer
-        layer.weight.copy_(sharpness * (share[:, None] * weight).T[:, :, None, None])
-        offset = problem.share - problem.centre @ weight
-        layer.bias = nn.Parameter((sharpness * offset).to(layer.weight))
+        layer.weight.copy_(sharpness * (share[:, None] * weight @ turn).T[:, :, None, None])
+        layer.bias = nn.Parameter((sharpness * (offset @ turn + shift)).to(layer.weight))
+
+    def _are(self, kind: str) -> Tensor:
+        """Return which blocks are of a kind."""
+        return torch.tensor([block == kind for block, _ in self.blocks])
 
     def _choose(
         self, rows: Tensor, labels: Tensor, left_out: Tensor
@@ -163,7 +181,7 @@ class LinearNet(nn.Module):
     def _subsets(self) -> Iterator[Tensor]:
         """Yield which features (D,) are used: without the optional blocks, then all."""
         sizes = torch.tensor([size for _, size in self.blocks])
-        basic = torch.tensor([kind != OPTIONAL for kind, _ in self.blocks])
+        basic = ~self._are(OPTIONAL)
         if basic.any() and not basic.all():
             yield torch.repeat_interleave(basic, sizes).double()
         yield torch.ones(int(sizes.sum()), dtype=torch.float64)
@@ -219,6 +237,52 @@ class _Ridge:
         identity = torch.eye(len(covariance), dtype=covariance.dtype)
         weights: Tensor = torch.linalg.solve(covariance + ridge * identity, rows.T @ self.targets)
         return weights
+
+
+def scatter(rows: Tensor, labels: Tensor, shrinkage: float) -> tuple[Tensor, Tensor]:
+    """Return the means of the classes and the scatter within them, in which all weigh the same.
+
+    Args:
+        rows: (rows, D) float64.
+        labels: (rows,) class indices, each at least once.
+        shrinkage: What is added to every variance, as a multiple of their mean.
+
+    Returns:
+        Means (classes, D) and covariance (D, D), never singular.
+    """
+    members = nn.functional.one_hot(labels).double()
+    members /= members.sum(dim=0)
+    means = members.T @ rows
+    spread = (rows - means[labels]) * members.mean(dim=1).sqrt()[:, None]
+    within = spread.T @ spread
+    variance = within.diagonal().mean() if len(within) else torch.zeros(())
+    ridge = (shrinkage * variance).clamp_min(torch.finfo(rows.dtype).eps)
+    return means, within + ridge * torch.eye(len(within), dtype=rows.dtype)
+
+
+def equal_scatter(rows: Tensor, labels: Tensor) -> Tensor:
+    """Return the matrix (D, D) after which the scatter within classes is alike in every direction.
+
+    The mean squared length of the rows (rows, D) stays.
+    """
+    _, within = scatter(rows, labels, LEVEL_SHRINKAGE)
+    variances, directions = torch.linalg.eigh(within)
+    whitening = directions * variances.rsqrt()
+    size: Tensor = (rows @ whitening).norm().clamp_min(1e-300)
+    return whitening * rows.norm() / size
+
+
+def discriminants(scores: Tensor, labels: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the factor (classes, classes) and the summand (classes,) that discriminate scores.
+
+    Args:
+        scores: (rows, classes).
+        labels: (rows,) class indices, each at least once.
+    """
+    means, within = scatter(scores, labels, SHRINKAGE)
+    turn: Tensor = torch.linalg.solve(within, means.T)
+    turn *= len(turn) ** 0.5 / turn.norm()
+    return turn, -(means * turn.T).sum(dim=1) / 2
 
 
 def _ridge(gram: Tensor, strength: float) -> Tensor:
