@@ -3,12 +3,20 @@
 import numpy as np
 import pytest
 import torch
+from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 from sklearn.linear_model import Ridge
 from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict
 
-from tex_lightning.networks.linear import LinearNet, _Ridge
+from tex_lightning.networks.linear import (
+    LinearNet,
+    _Ridge,
+    discriminants,
+    equal_scatter,
+    scatter,
+)
 
 CLASSES, BANDS = 3, 12
+SHRINKAGE = 3.0
 
 
 def recordings(each: int, seed: int = 0) -> tuple[list[torch.Tensor], torch.Tensor]:
@@ -46,6 +54,39 @@ def test_the_ridge_and_what_it_says_of_rows_that_it_has_not_seen_are_scikit_lear
     np.testing.assert_allclose(ours, left_out + 1 / CLASSES, atol=1e-8)
     weights = problem.solve(torch.from_numpy(kept), strength)
     np.testing.assert_allclose(weights.T, theirs.fit(centred, targets, weight).coef_, atol=1e-8)
+
+
+class Shrunk:
+    """A covariance estimator as scikit-learn takes it."""
+
+    def fit(self, rows: np.ndarray) -> None:
+        covariance = np.cov(rows.T, bias=True)
+        self.covariance_ = covariance + SHRINKAGE * covariance.diagonal().mean() * np.eye(CLASSES)
+
+
+def test_discriminants_of_the_scores_are_scikit_learns_with_equal_priors():
+    rng = np.random.default_rng(0)
+    labels = np.repeat(np.arange(CLASSES), [8, 12, 20])
+    scores = np.eye(CLASSES)[labels] + rng.standard_normal((40, CLASSES)) @ np.diag([1, 0.5, 0.1])
+    turn, shift = discriminants(torch.from_numpy(scores), torch.from_numpy(labels), SHRINKAGE)
+    theirs = LinearDiscriminantAnalysis(
+        "lsqr", priors=np.full(CLASSES, 1 / CLASSES), covariance_estimator=Shrunk()
+    ).fit(scores, labels)
+    size = np.linalg.norm(theirs.coef_) / np.linalg.norm(turn)
+    np.testing.assert_allclose(size * turn.T, theirs.coef_, atol=1e-10)
+    np.testing.assert_allclose(size * shift, theirs.intercept_ + np.log(CLASSES), atol=1e-10)
+
+
+def test_levels_are_brought_to_equal_scatter_within_classes():
+    rng = np.random.default_rng(0)
+    labels = torch.arange(2).repeat(500)
+    together = torch.from_numpy(rng.standard_normal((1000, 1)) @ np.ones((1, 3)))
+    rows = 5 * together + torch.from_numpy(rng.standard_normal((1000, 3))) + labels[:, None]
+    even = rows @ equal_scatter(rows, labels)
+    _, within = scatter(even, labels, 0.0)
+    variances = torch.linalg.eigvalsh(within)
+    assert variances.max() < 1.1 * variances.min()
+    torch.testing.assert_close(even.norm(), rows.norm())
 
 
 @pytest.mark.parametrize("tells", [True, False])

@@ -17,8 +17,7 @@ from tex_lightning.networks.blocks import Head, Level
 MIN_DEVIATION = 1e-3  # of a feature; one that hardly varies says nothing
 SHARPNESS = 10.0  # of scores from about 0 to 1, to begin with
 STRENGTHS = (0.001, 0.01, 0.1, 1.0)  # of the ridge
-SHRINKAGE = 3.0  # of the scatter of scores within classes, as a multiple of their mean variance
-LEVEL_SHRINKAGE = 0.001  # of the scatter of levels, likewise
+LEVEL_SHRINKAGE = 0.001  # of the scatter of levels within classes, in their mean variance
 OPTIONAL = "power"  # kind of block that is left out unless it helps
 WHITENED = "level"  # kind of block whose features vary together, as under another pressure
 MAX_ROWS = 2000  # that strength and blocks are chosen on
@@ -49,6 +48,8 @@ class LinearNet(nn.Module):
             counts alike, however many features it has. None takes all as one.
         strength: Strength of the ridge, as a share of the mean squared length of a row; None
             chooses it.
+        shrinkage: How far the scatter of scores within classes is taken for equal in every
+            direction: what is added to each variance, as a multiple of their mean.
 
     Example:
         >>> import torch
@@ -70,9 +71,10 @@ class LinearNet(nn.Module):
         bands: int,
         blocks: Sequence[tuple[str, int]] | None = None,
         strength: float | None = None,
+        shrinkage: float = 3.0,
     ) -> None:
         super().__init__()
-        self.classes, self.strength = classes, strength
+        self.classes, self.strength, self.shrinkage = classes, strength, shrinkage
         self.blocks = [("", bands)] if blocks is None else [(kind, size) for kind, size in blocks]
         self.register_buffer("mean", torch.zeros(bands, 1, 1))
         self.register_buffer("scale", torch.ones(bands, 1, 1))
@@ -138,7 +140,7 @@ class LinearNet(nn.Module):
         problem = _Ridge(rows, labels, self.classes)
         weight = problem.solve(kept, strength)
         offset = problem.share - problem.centre @ weight
-        turn, shift = discriminants(rows @ weight + offset, labels)
+        turn, shift = discriminants(rows @ weight + offset, labels, self.shrinkage)
         scores = list(SHARPNESS * (held_out @ turn + shift)[:, :, None])
         sharpness = SHARPNESS / fit_temperature(scores, labels[some].tolist())
         weight[levels] = whitening @ weight[levels]
@@ -267,19 +269,20 @@ def equal_scatter(rows: Tensor, labels: Tensor) -> Tensor:
     """
     _, within = scatter(rows, labels, LEVEL_SHRINKAGE)
     variances, directions = torch.linalg.eigh(within)
-    whitening = directions * variances.rsqrt()
-    size: Tensor = (rows @ whitening).norm().clamp_min(1e-300)
-    return whitening * rows.norm() / size
+    whitening: Tensor = directions * variances.rsqrt()
+    whitening *= rows.norm() / (rows @ whitening).norm().clamp_min(1e-300)
+    return whitening
 
 
-def discriminants(scores: Tensor, labels: Tensor) -> tuple[Tensor, Tensor]:
+def discriminants(scores: Tensor, labels: Tensor, shrinkage: float) -> tuple[Tensor, Tensor]:
     """Return the factor (classes, classes) and the summand (classes,) that discriminate scores.
 
     Args:
         scores: (rows, classes).
         labels: (rows,) class indices, each at least once.
+        shrinkage: As of ``scatter``.
     """
-    means, within = scatter(scores, labels, SHRINKAGE)
+    means, within = scatter(scores, labels, shrinkage)
     turn: Tensor = torch.linalg.solve(within, means.T)
     turn *= len(turn) ** 0.5 / turn.norm()
     return turn, -(means * turn.T).sum(dim=1) / 2
