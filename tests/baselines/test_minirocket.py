@@ -16,15 +16,12 @@ def checkpoint(run_once, surfaces):
     )
 
 
-def test_results_name_the_modality(checkpoint):
+def test_results_name_the_modality_and_the_checkpoint_holds_tensors(checkpoint):
     results = json.loads((checkpoint.parents[1] / "results.json").read_text())
     network = results["networks"]["haptic"]
     assert results["model"] == "minirocket"
     assert network["correct"] == network["test_samples"] == 3
     assert network["macs_per_sample"] is None
-
-
-def test_checkpoint_is_tensors_and_plain_values_only(checkpoint):
     content = torch.load(checkpoint, weights_only=True)
     assert content["baseline"]["estimator"].dtype == torch.uint8
 

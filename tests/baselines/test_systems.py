@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 import torch
 from conftest import make_trace
-from sklearn.linear_model import RidgeClassifier
 from sklearn.naive_bayes import GaussianNB
-from sklearn.neighbors import KNeighborsClassifier, NearestCentroid
+from sklearn.neighbors import KNeighborsClassifier
 from sklearn.svm import LinearSVC
 
 from tex_lightning.baselines.base import class_scores
@@ -65,8 +64,8 @@ def test_fitting_again_gives_the_same_and_leaves_the_generator_alone(fitted, con
     assert torch.get_num_threads() == threads
 
 
-@pytest.mark.parametrize("name", ["mfcc_gmm", "acnn"])
-def test_command_line(name, surfaces, cli, tmp_path):
+def test_command_line(surfaces, cli, tmp_path):
+    name = "mfcc_gmm"
     changes = [f"model.baseline.{key}={value}" for key, value in QUICK[name].items()]
     outcome = cli(
         f"model={name}", "data=folder", f"data.root={surfaces}", f"hydra.run.dir={tmp_path}/run",
@@ -86,7 +85,7 @@ def test_command_line(name, surfaces, cli, tmp_path):
 @pytest.mark.parametrize("classes", [2, 3])
 @pytest.mark.parametrize(
     "estimator",
-    [GaussianNB(), KNeighborsClassifier(1), NearestCentroid(), RidgeClassifier(), LinearSVC()],
+    [GaussianNB(), KNeighborsClassifier(1), LinearSVC()],
 )
 def test_every_classifier_of_scikit_learn_gives_finite_scores_in_the_order_of_classes(
     estimator, classes

@@ -1,5 +1,3 @@
-import errno
-
 import numpy as np
 import pytest
 import torch
@@ -7,8 +5,7 @@ from conftest import ramp
 from scipy import stats
 
 from tex_lightning.data import banks
-from tex_lightning.data.banks import InputBank, PhotoBank, spooled
-from tex_lightning.errors import UserError
+from tex_lightning.data.banks import InputBank, PhotoBank
 
 FIRST = np.array([0]), np.random.default_rng(0)
 
@@ -75,15 +72,6 @@ def test_inputs_in_a_file_are_cut_as_those_in_memory(tmp_path):
     assert torch.equal(found["input"], expected["input"])
     for ours, given in zip(file.inputs, [*inputs[:2], inputs[2].repeat(1, 1, 2)], strict=True):
         assert torch.equal(ours, given)
-
-
-def test_a_full_disk_is_said_in_a_sentence(tmp_path):
-    def items():
-        yield torch.rand(3, 2)
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    with pytest.raises(UserError, match=r"Features cannot be written .*No space left.*cache_dir"):
-        spooled(items(), tmp_path)
 
 
 def test_few_photos_stay_open_whatever_their_number(photos, monkeypatch):

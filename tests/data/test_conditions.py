@@ -1,13 +1,9 @@
-import ast
-import shlex
 from pathlib import Path
 
 import pytest
-from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from tex_lightning.config import Folding
 from tex_lightning.data.folds import (
-    as_override,
     check_conditions,
     check_split,
     split,
@@ -105,13 +101,3 @@ def test_conditions_that_leave_nothing_to_train_or_test_are_said():
     ):
         with pytest.raises(UserError, match=message):
             check_split(split(rows, by(where)), ["a", "b"], ["haptic"], by(where))
-
-
-@pytest.mark.parametrize(
-    "where",
-    [{"speed": 60}, {"speed": [50, 60], "light": "lamp"}, {"light": ["north window", 'a "b", c']}],
-)
-def test_the_override_reads_back_through_a_shell_and_hydra(where):
-    (argument,) = shlex.split(as_override(where))
-    value = OverridesParser.create().parse_override(argument).value()
-    assert ast.literal_eval(str(value)) == where

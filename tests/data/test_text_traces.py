@@ -77,7 +77,7 @@ def test_a_column_of_time_gives_the_rate_and_is_no_axis(tmp_path, name, scale):
 
 
 @pytest.mark.parametrize("lost", [[], [700, 701, 702, 3000], [*range(1000, 1300)]])
-@pytest.mark.parametrize("rate", [20, 5000, 200_000])
+@pytest.mark.parametrize("rate", [20, 200_000])
 def test_jitter_and_gaps_are_interpolated_to_the_usual_rate(tmp_path, caplog, rate, lost):
     kept = np.delete(np.arange(6000), lost)
     times = (kept + RNG.uniform(-0.2, 0.2, len(kept))) / rate

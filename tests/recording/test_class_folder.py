@@ -1,7 +1,5 @@
 """A class folder that grows stays one that the readers read."""
 
-from unittest.mock import MagicMock
-
 import cv2
 import numpy as np
 import pytest
@@ -74,14 +72,6 @@ def test_nothing_that_was_there_is_touched(tmp_path):
     assert groups == {"a.wav": 0, "oak_007.wav": 1, "oak_008.wav": 2}
 
 
-def test_conditions_are_columns_of_the_manifest(tmp_path):
-    ClassFolder(tmp_path, "oak", {"speed": 60}).add({"haptic": (10_000, SIGNAL)}, None)
-    ClassFolder(tmp_path, "elm", {"person": "anna"}).add({"haptic": (10_000, SIGNAL)}, PHOTO)
-    table = read_manifest(tmp_path / "manifest.csv")
-    assert [dict(row.conditions).get("speed", "") for row in table] == ["60", "", ""]
-    assert [dict(row.conditions).get("person", "") for row in table] == ["", "anna", "anna"]
-
-
 @pytest.mark.parametrize("broken", ["write_manifest", "_write_jpeg"])
 def test_a_recording_is_written_whole_or_not_at_all(tmp_path, monkeypatch, broken):
     folder = ClassFolder(tmp_path, "oak", {})
@@ -124,12 +114,3 @@ def test_pictures_come_one_by_one_until_there_are_no_more(pictures, capfd):
         with pytest.raises(UserError, match=said), open_camera(f"camera:{camera}"):
             pass
     assert capfd.readouterr().err == ""  # OpenCV has its say in words of its own
-
-
-def test_a_real_camera_settles_before_the_photo_is_taken(monkeypatch):
-    capture = MagicMock()
-    capture.read.side_effect = lambda: (True, np.full((4, 4, 3), capture.grab.call_count))
-    monkeypatch.setattr(cv2, "VideoCapture", {2: capture}.get)
-    with open_camera("camera:2") as take_photo:
-        assert take_photo().mean() == 5
-    capture.release.assert_called_once()

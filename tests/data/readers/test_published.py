@@ -1,6 +1,5 @@
 """Readers of published data sets, on small files under their real names."""
 
-import json
 import shutil
 from pathlib import Path
 
@@ -242,28 +241,3 @@ def test_empty_folders_and_unknown_choices_raise_errors(overrides, message, monk
     monkeypatch.chdir(tmp_path)
     with pytest.raises(UserError, match=message):
         read("data.root=.", *overrides)
-
-
-def results(cli, directory: Path, *arguments: str) -> dict:
-    outcome = cli(*arguments, "trainer.threads=1", f"hydra.run.dir={directory}")
-    assert outcome.status == 0, outcome.err
-    return json.loads((directory / "results.json").read_text())["networks"]
-
-
-@pytest.mark.slow
-def test_lmt108_end_to_end_with_predictions_from_one_axis_path(cli, tmp_path):
-    root = write_lmt108(tmp_path / "lmt108", 24_000, 240, 320)
-    data = given(tmp_path, "lmt108")
-    networks = results(cli, tmp_path / "run", "model=fusion", "debug=tiny", *data)
-    assert networks["fusion"]["test_samples"] == 2
-    checkpoint = f"checkpoint={tmp_path}/run/checkpoints/haptic.ckpt"
-    answers = []
-    for axis in "XZ":
-        path = root / f"AccelScansComponents/Movement/Testing/G2Brick_Movement_{axis}_test3.txt"
-        outcome = cli("task=predict", checkpoint, f"haptic={path}")
-        assert outcome.status == 0, outcome.err
-        answers.append(json.loads(outcome.out)["probability"])
-    assert answers[0] == answers[1]
-    other = ["task=evaluate", checkpoint, "data.reader.split=testing", "data.test_fold=null"]
-    networks = results(cli, tmp_path / "other", *other, *data, "debug=tiny")
-    assert networks["haptic"]["test_samples"] == 20
