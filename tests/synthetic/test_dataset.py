@@ -5,8 +5,7 @@ import soundfile
 
 from tex_lightning.errors import UserError
 from tex_lightning.synthetic import SyntheticSpec, make_materials, write_folder
-from tex_lightning.synthetic.dataset import listen, photograph, recorded_under
-from tex_lightning.synthetic.tool import draw_stroke
+from tex_lightning.synthetic.dataset import listen, photograph
 
 TINY = {"recordings": 2, "seconds": 1, "photo_width": 64, "photo_height": 48}
 
@@ -46,16 +45,3 @@ def test_files_are_those_of_data_folder_and_depend_on_class_and_seed_alone(tmp_p
 def test_the_number_of_classes_is_limited(classes):
     with pytest.raises(UserError, match=f"data.classes is {classes}: choose 2 to 999"):
         SyntheticSpec(classes=classes)
-
-
-def test_conditions_of_strokes_are_those_of_the_movement():
-    spec, said, done = SyntheticSpec(classes=2, recordings=30), [], []
-    for number in range(30):
-        stroke = draw_stroke(np.random.default_rng([0, 1, number, 0]), 8.0, 1000)
-        path = np.linalg.norm(np.diff(stroke.position[:, 1000:], axis=1), axis=0)
-        done.append((path.sum() / len(path) * 1000, stroke.force.mean()))
-        conditions = recorded_under(spec, "haptic", 1, number)
-        said.append((float(conditions["speed"]), float(conditions["force"])))
-    for wanted, found in zip(np.transpose(said), np.transpose(done), strict=True):
-        assert np.corrcoef(wanted, found)[0, 1] > 0.8
-        np.testing.assert_allclose(wanted, found, rtol=0.35)

@@ -49,17 +49,12 @@ def render_photo(
     return np.clip(np.rint(photo, out=photo), 0, 255).astype(np.uint8)
 
 
-def draw_distance(rng: np.random.Generator) -> float:
-    """Draw the distance of the camera as a multiple of the mean."""
-    return rng.uniform(0.85, 1.2)
-
-
 def _draw_view(
     rng: np.random.Generator, size: tuple[int, int]
 ) -> tuple[NDArray[np.float64], float]:
     """Draw the homography from photo pixels to tile points, and the in-plane rotation in rad."""
     width, height = size
-    distance = draw_distance(rng)
+    distance = rng.uniform(0.85, 1.2)  # of the camera, as a multiple of the mean
     turn = np.deg2rad(rng.uniform(-25, 25))
     tilt = np.deg2rad(rng.uniform(-15, 15, 2))
     centre = np.array([[1, 0, -width / 2], [0, 1, -height / 2], [0, 0, 1.0]])

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from tex_lightning.core.progress import track
 from tex_lightning.errors import UserError
-from tex_lightning.synthetic.camera import Light, draw_distance, render_photo
+from tex_lightning.synthetic.camera import Light, render_photo
 from tex_lightning.synthetic.materials import make_materials
 from tex_lightning.synthetic.microphone import hear_stroke
 from tex_lightning.synthetic.specimen import Specimen
-from tex_lightning.synthetic.tool import draw_hand, draw_stroke, slide_tool
+from tex_lightning.synthetic.tool import draw_stroke, slide_tool
 
 RATE = 10_000  # Hz of traces
 SOUND_RATE = 44_100  # Hz of sounds
@@ -113,22 +113,6 @@ def photograph(
     rng = _rng(spec, index, recording, _IMAGE)
     size = spec.photo_width, spec.photo_height
     return render_photo(specimen, rng, _light(spec, recording), size)
-
-
-def recorded_under(
-    spec: SyntheticSpec, modality: str, index: int, recording: int
-) -> dict[str, str]:
-    """Return the conditions of one recording of class ``index``, drawn again and not rendered.
-
-    Returns:
-        Of a trace and of its sound ``speed``, typical, to 10 mm/s, and ``force``, to 0.2 N; of a
-        photo ``light`` and ``distance``, to a tenth of the mean.
-    """
-    if modality == "image":
-        distance = draw_distance(_rng(spec, index, recording, _IMAGE))
-        return {"light": _light(spec, recording), "distance": f"{distance:.1f}"}
-    speed, force = draw_hand(_rng(spec, index, recording, _HAPTIC))
-    return {"speed": f"{round(speed, -1):.0f}", "force": f"{0.2 * round(force / 0.2):.1f}"}
 
 
 def _light(spec: SyntheticSpec, recording: int) -> Light:

@@ -56,13 +56,6 @@ class Stroke:
         return Stroke(position, speed, force, round(self.landing * ratio), sampling_rate)
 
 
-def draw_hand(rng: np.random.Generator) -> tuple[float, float]:
-    """Draw the typical speed in mm/s, around 90, and force in N, around 1, of a stroke."""
-    speed = 90 * np.exp(0.12 * np.clip(rng.standard_normal(), -2, 2))
-    force = np.exp(0.2 * np.clip(rng.standard_normal(), -2, 2))
-    return float(speed), float(force)
-
-
 def draw_stroke(rng: np.random.Generator, seconds: float, sampling_rate: int) -> Stroke:
     """Draw a free-hand stroke.
 
@@ -75,7 +68,8 @@ def draw_stroke(rng: np.random.Generator, seconds: float, sampling_rate: int) ->
         sampling_rate: Samples per second.
     """
     count = round(seconds * sampling_rate)
-    mean_speed, mean_force = draw_hand(rng)
+    mean_speed = 90 * float(np.exp(0.12 * np.clip(rng.standard_normal(), -2, 2)))  # mm/s
+    mean_force = float(np.exp(0.2 * np.clip(rng.standard_normal(), -2, 2)))  # N
     lead = rng.uniform(0.2, 0.4)
     speed = np.exp(0.15 * drift(rng, count, sampling_rate))
     force = mean_force * np.exp(0.15 * drift(rng, count, sampling_rate))

@@ -109,15 +109,7 @@ def test_sounds_are_rendered_for_models_that_listen_and_beside_the_rest(tmp_path
     assert {row.modality for row in silent} == {"haptic", "image"}
     every = small(tmp_path, "model.senses=[haptic,visual,sound]")
     assert every.without(every.of("sound")) == silent
-    strokes = [
-        {(row.label, row.group): row.conditions for row in every.of(sense)}
-        for sense in ("haptic", "sound")
-    ]
-    assert len(strokes[1]) == 4
-    assert strokes[0] == strokes[1]
-    names = {row.modality: [name for name, _ in row.conditions] for row in every}
-    assert names["sound"] == ["speed", "force"]
-    assert names["image"] == ["light", "distance"]
+    assert len(every.of("sound")) == 4
     alone = small(tmp_path, modalities=["sound"])
     assert {row.modality for row in alone} == {"sound"}
 

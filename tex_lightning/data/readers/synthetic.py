@@ -4,7 +4,7 @@ import hashlib
 import json
 import logging
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,6 @@ from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.store import cache_root
 from tex_lightning.synthetic import SyntheticSpec, write_folder
-from tex_lightning.synthetic.dataset import recorded_under
-from tex_lightning.synthetic.materials import make_materials
 
 SOUND = "sound"
 
@@ -47,7 +45,7 @@ class SyntheticReader:
         kinds: list[tuple[str, ...]] = [("haptic", "image")] if set(self.senses) != {SOUND} else []
         kinds += [(SOUND,)] if SOUND in self.senses else []
         rows = [row for kind in kinds for row in read_folder(self._folder(spec, kind))]
-        return with_conditions(spec, Recordings(tuple(rows)))
+        return Recordings(tuple(rows))
 
     def _folder(self, spec: SyntheticSpec, modalities: tuple[str, ...]) -> Path:
         """Return the folder of the cache with these recordings, rendered there if it is missing."""
@@ -73,14 +71,3 @@ class SyntheticReader:
 def spec_of(classes: int | None, surfaces: Mapping[str, Any]) -> SyntheticSpec:
     """Return the synthetic data set of so many classes; None takes the usual number."""
     return SyntheticSpec(classes or SyntheticSpec.classes, **surfaces)
-
-
-def with_conditions(spec: SyntheticSpec, recordings: Recordings) -> Recordings:
-    """Return the same rendered recordings with the conditions that they were drawn under."""
-    names = [material.name for material in make_materials(spec.classes, spec.seed)]
-    rows = []
-    for row in recordings:
-        index = names.index(row.label)
-        conditions = recorded_under(spec, row.modality, index, int(row.group))
-        rows.append(replace(row, conditions=tuple(conditions.items())))
-    return replace(recordings, rows=tuple(rows))
