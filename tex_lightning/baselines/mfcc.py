@@ -21,14 +21,7 @@ from sklearn.mixture import GaussianMixture
 from sklearn.naive_bayes import GaussianNB
 from torch import Tensor
 
-from tex_lightning.baselines.base import (
-    Array,
-    Baseline,
-    EstimatorBaseline,
-    State,
-    dump_estimator,
-    load_estimator,
-)
+from tex_lightning.baselines.base import Array, EstimatorBaseline
 from tex_lightning.errors import UserError
 
 MAX_SECONDS, MAX_OVERLAP, MAX_FILTERS = 1, 20, 1000  # far beyond any use, little memory
@@ -125,7 +118,7 @@ MAX_ITERATIONS = 500  # enough to converge: a hundred are not always
 
 
 @dataclass
-class MfccMixtures(Baseline, Cepstra):
+class MfccMixtures(EstimatorBaseline, Cepstra):
     """Log-likelihoods of all frames are summed, so that a whole trace is one fragment.
 
     Attributes:
@@ -139,47 +132,48 @@ class MfccMixtures(Baseline, Cepstra):
     kind: ClassVar = "haptic"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         self.check()
-        self.mixtures: list[Any] = []
 
     def with_budget(self, budget: float) -> Self:
         """Fewer components."""
         return replace(self, components=max(1, int(self.components * budget)))
 
+    def features(self, recording: Array) -> Array:
+        """Return the coefficients of all frames (frames, last - first + 1)."""
+        return self.coefficients(recording, self.sampling_rate)
+
+    def make_estimator(self, seed: int) -> Any:  # noqa: ANN401
+        """Return the mixture of one class, fitted by expectation-maximisation."""
+        return GaussianMixture(
+            self.components,
+            covariance_type="diag",
+            reg_covar=self.min_variance,
+            max_iter=MAX_ITERATIONS,
+            random_state=seed,
+        )
+
     def fit(self, recordings: Sequence[Array], labels: npt.NDArray[np.int64], seed: int) -> None:
-        """Fit each class's mixture to the frames of its recordings by expectation-maximisation."""
-        frames = [self.coefficients(trace, self.sampling_rate) for trace in recordings]
-        self.mixtures = []
+        """Fit a mixture to the frames of each class."""
+        frames = [self.features(trace) for trace in recordings]
+        self.estimator = []
         for label in range(int(labels.max()) + 1):
-            own = np.concatenate([frames[index] for index in np.flatnonzero(labels == label)])
-            mixture = GaussianMixture(
-                min(self.components, len(own)),
-                covariance_type="diag",
-                reg_covar=self.min_variance,
-                max_iter=MAX_ITERATIONS,
-                random_state=seed,
-            )
-            self.mixtures.append(mixture.fit(own))
+            rows = np.concatenate([frames[index] for index in np.flatnonzero(labels == label)])
+            mixture = self.make_estimator(seed)
+            mixture.set_params(n_components=min(self.components, len(rows)))
+            self.estimator.append(mixture.fit(rows))
 
     def logits(self, recording: Array) -> Tensor:
-        """Log-likelihoods (classes, 1) of the whole movement."""
-        frames = self.coefficients(recording, self.sampling_rate)
-        sums = [mixture.score_samples(frames).sum() for mixture in self.mixtures]
+        """Return the log-likelihoods (classes, 1) of the whole movement."""
+        frames = self.features(recording)
+        sums = [mixture.score_samples(frames).sum() for mixture in self.estimator]
         return torch.tensor(sums, dtype=torch.float64)[:, None]
-
-    def state(self) -> State:
-        """The mixtures as bytes."""
-        return {"mixtures": dump_estimator(self.mixtures)}
-
-    def load_state(self, state: State) -> None:
-        """Read the mixtures back."""
-        self.mixtures = load_estimator(state["mixtures"])
 
     def count_parameters(self) -> int:
         """Weights, means and variances; what scikit-learn derives from them does not count."""
         return sum(
             mixture.weights_.size + mixture.means_.size + mixture.covariances_.size
-            for mixture in self.mixtures
+            for mixture in self.estimator
         )
 
 
