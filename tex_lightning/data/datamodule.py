@@ -108,7 +108,7 @@ class SurfaceData(LightningDataModule):
     """Loaders of training batches, and of whole samples for validation.
 
     Args:
-        batches: An endless sequence, of which every epoch takes its part; None trains nothing.
+        batches: An endless sequence, of which every epoch takes its part.
         steps: Batches in an epoch.
         validation: Whole samples; none leaves out validation.
         num_workers: Processes that make batches; 0 makes them in this one.
@@ -127,7 +127,7 @@ class SurfaceData(LightningDataModule):
 
     def __init__(
         self,
-        batches: TrainingBatches | None,
+        batches: TrainingBatches,
         steps: int,
         validation: SampleSet | None,
         num_workers: int,
@@ -138,10 +138,8 @@ class SurfaceData(LightningDataModule):
         self.validation = validation
         self.num_workers = num_workers
 
-    def train_dataloader(self) -> DataLoader[Batch] | list[Any]:
+    def train_dataloader(self) -> DataLoader[Batch]:
         """Return a loader of one epoch; the data set makes this process's share of each batch."""
-        if self.batches is None:
-            return []
         return DataLoader(
             replace(self.batches, share=self._share()),
             batch_size=None,
