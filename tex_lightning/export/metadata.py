@@ -1,16 +1,25 @@
-"""The metadata of an exported file, for programs that run it without this package."""
+"""The metadata of an exported file, for programs that run it, and a model card, for people.
 
+The card follows Mitchell et al., "Model Cards for Model Reporting", 2019.
+"""
+
+from pathlib import Path
 from typing import Any
 
 from tex_lightning import __version__
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.core.files import read_record
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.data.quality import limits
+from tex_lightning.errors import listed
 from tex_lightning.export.tracing import AXES
 from tex_lightning.senses.base import Sense
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
+from tex_lightning.text import printable, render
 
+RESULTS = "results.json"
+TEMPLATE = Path(__file__).with_name("model_card.md.jinja")
 KEY = "tex_lightning"  # of the metadata
 FORMAT = 2  # of what stands there
 FRAMES: dict[str, Any] = {"hop_seconds": None, "window_seconds": None, "frequencies": None}
@@ -81,3 +90,37 @@ def _least(sense: Sense) -> int | None:
     if isinstance(sense.features, SpectrogramFeatures):
         return sense.features.samples(sense.min_size[1])
     return max(sense.min_size)
+
+
+def model_card(classifier: SurfaceClassifier, checkpoint: Path) -> str:
+    """Return the card as Markdown.
+
+    Args:
+        classifier: As loaded.
+        checkpoint: Its file; figures are read from the run folder it lies in, if there is one.
+    """
+    card, results = classifier.card, _results(checkpoint)
+    entry = results.get("networks", {}).get(card.kind, {})
+    networks = {type(sense.network).__name__: None for sense in classifier.senses.values()}
+    context = {
+        "card": card,
+        "results": results,
+        "entry": entry,
+        "networks": listed(list(networks)),
+        "fused": f", fused on {card.fusion['level'].upper()}" if classifier.fusion else "",
+        "parameters": classifier.count_parameters(),
+        "version": __version__,
+        "sources": card.trained_on.get("trunks") or {},
+        "checkpoint": printable(checkpoint.name).replace("`", "'"),  # which would end the block
+        "inputs": ", ".join(f'{printable(name)}="FILE"' for name in card.modalities),
+    }
+    return render(TEMPLATE, context)
+
+
+def _results(checkpoint: Path) -> dict[str, Any]:
+    """Read ``results.json`` of the run, or of all folds for the checkpoint of one."""
+    run = checkpoint.resolve().parent.parent
+    for folder in ([run.parent.parent] if run.parent.name == "folds" else []) + [run]:
+        if (folder / RESULTS).is_file():
+            return read_record(folder / RESULTS)
+    return {}

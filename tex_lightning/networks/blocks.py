@@ -96,11 +96,6 @@ def check_norm(norm: str, allowed: Iterable[str], key: str) -> None:
         raise UserError(f"{key}={norm} is not possible here; choose one of {', '.join(allowed)}.")
 
 
-def is_plain(conv: nn.Conv2d) -> bool:
-    """Return whether a convolution has a stride of 1 and no dilation."""
-    return (conv.stride, conv.dilation) == ((1, 1), (1, 1))
-
-
 def conv_block(
     inputs: int,
     outputs: int,

@@ -21,7 +21,6 @@ from tex_lightning.text import render
 
 TEMPLATES = Path(__file__).parent
 FILES = ("frontier.csv", "sweep.csv")
-MOST_LINES = 200  # of a file that are shown
 NOTES = """\
 Votes are decisions on whole samples, fragments those at single positions. Intervals are Wilson's.
 p is the exact McNemar test of the row against the best one on the same samples, with the samples
@@ -80,14 +79,12 @@ def embedded(path: Path) -> str:
 
 
 def _file_table(path: Path) -> Table:
-    """The first lines of a CSV, figures with four digits."""
-    lines = read_rows(path)
+    """Return the table of a CSV, figures with four digits."""
     rows = [
         {name.replace("_", " "): _short(cell) for name, cell in line.items()}
-        for line in lines[:MOST_LINES]
+        for line in read_rows(path)
     ]
-    left_out = len(lines) - len(rows)
-    return Table(path.name, rows, f"{left_out} more lines are in the file." if left_out else "")
+    return Table(path.name, rows)
 
 
 def _short(cell: str) -> str:

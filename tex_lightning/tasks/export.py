@@ -15,8 +15,7 @@ from tex_lightning.core.files import read_record, write_atomically, write_bytes,
 from tex_lightning.data.store import cache_root
 from tex_lightning.errors import UserError
 from tex_lightning.export.check import check_samples, compare, require_agreement
-from tex_lightning.export.metadata import metadata
-from tex_lightning.export.model_card import model_card
+from tex_lightning.export.metadata import metadata, model_card
 from tex_lightning.export.onnx_file import make_onnx, onnx_runner, without_defaults, write_onnx
 from tex_lightning.export.tracing import trace
 from tex_lightning.export.web_page import page_files, runtime_files
