@@ -26,7 +26,7 @@ SPARSITY_WEIGHT = 1.0  # of the penalty, beside the squared error of the reconst
 def learn_filters(
     traces: Sequence[Tensor], length: int, units: int, patches: int, sparsity: float
 ) -> Tensor:
-    """Weights (units, length) of the encoder, by PyTorch's global generator.
+    """Return the weights (units, length) of the encoder, by PyTorch's global generator.
 
     Hidden units are sigmoids of a linear layer, the decoder is linear, and the Kullback-Leibler
     divergence between ``sparsity`` and each unit's mean activation in a batch is a penalty (Ng
@@ -56,7 +56,7 @@ def learn_filters(
 
 
 def draw_patches(traces: Sequence[Tensor], length: int, count: int) -> Tensor:
-    """Patches (count, length) from random places, with mean 0 and deviation 1."""
+    """Draw patches (count, length) from random places, with mean 0 and deviation 1."""
     chosen = (traces[int(torch.randint(len(traces), ()))] for _ in range(count))
     data = torch.stack([_cut(trace, length) for trace in chosen])
     data = data - data.mean(dim=1, keepdim=True)
@@ -65,7 +65,7 @@ def draw_patches(traces: Sequence[Tensor], length: int, count: int) -> Tensor:
 
 
 def _cut(trace: Tensor, length: int) -> Tensor:
-    """A piece from a random place."""
+    """Cut a piece from a random place."""
     start = int(torch.randint(len(trace) - length + 1, ()))
     return trace[start : start + length]
 
@@ -117,7 +117,7 @@ class RawNetwork(Baseline):
         self.scale = 1.0
 
     def with_budget(self, budget: float) -> Self:
-        """Fewer steps."""
+        """Return it with fewer steps."""
         return replace(self, steps=max(1, int(self.steps * budget)))
 
     @property
@@ -175,13 +175,13 @@ class RawNetwork(Baseline):
 
     @torch.inference_mode()
     def logits(self, recording: Array) -> Tensor:
-        """Class scores (classes, fragments)."""
+        """Return the class scores (classes, fragments)."""
         trace = self._prepare(torch.from_numpy(np.asarray(recording, dtype=np.float32)))
         scores: Tensor = self.network(trace[None, None])[0]
         return scores
 
     def state(self) -> State:
-        """Weights and the scale of the training set."""
+        """Return the weights and the scale of the training set."""
         return {**self.network.state_dict(), "scale": torch.tensor(self.scale, dtype=torch.float64)}
 
     def load_state(self, state: State) -> None:
@@ -193,12 +193,12 @@ class RawNetwork(Baseline):
         self.network.load_state_dict(weights)
 
     def count_parameters(self) -> int:
-        """Trained numbers."""
+        """Count the trained numbers."""
         return sum(parameter.numel() for parameter in self.network.parameters())
 
 
 def make_network(classes: int, width: int, dropout: float) -> nn.Sequential:
-    """Layers from (batch, 1, samples) to class scores (batch, classes, fragments).
+    """Make the layers from (batch, 1, samples) to class scores (batch, classes, fragments).
 
     Batch normalisation, which came in the year of the paper, lets it train in hundreds of steps.
     """
@@ -218,7 +218,7 @@ def make_network(classes: int, width: int, dropout: float) -> nn.Sequential:
 
 
 def fragment_length(width: int) -> int:
-    """Samples behind ``width`` neighbouring outputs of the last pooling."""
+    """Count the samples behind ``width`` neighbouring outputs of the last pooling."""
     samples = width
     for _ in range(len(CHANNELS) - 1):
         samples = samples * POOL + LENGTH - 1

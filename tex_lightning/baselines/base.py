@@ -138,11 +138,11 @@ class Baseline(ABC):
 
     @abstractmethod
     def logits(self, recording: Array) -> Tensor:
-        """Class scores (classes, fragments) of one recording, before softmax."""
+        """Return the class scores (classes, fragments) of one recording, before softmax."""
 
     @abstractmethod
     def state(self) -> State:
-        """The fitted values as tensors."""
+        """Return the fitted values as tensors."""
 
     @abstractmethod
     def load_state(self, state: State) -> None:
@@ -150,7 +150,7 @@ class Baseline(ABC):
 
     @abstractmethod
     def count_parameters(self) -> int:
-        """How many numbers were fitted."""
+        """Return how many numbers were fitted."""
 
     def load_weights(self, source: str) -> str:
         """Start from pretrained weights, before :meth:`fit`.
@@ -190,11 +190,11 @@ class EstimatorBaseline(Baseline):
 
     @abstractmethod
     def features(self, recording: Array) -> Array:
-        """Features of one recording, of the same shape for all."""
+        """Return the features of one recording, of the same shape for all."""
 
     @abstractmethod
     def make_estimator(self, seed: int) -> Any:  # noqa: ANN401  (scikit-learn has no types)
-        """An estimator that is not fitted yet."""
+        """Return an estimator that is not fitted yet."""
 
     def fit(self, recordings: Sequence[Array], labels: npt.NDArray[np.int64], seed: int) -> None:
         """Fit the estimator to the features of all recordings."""
@@ -202,11 +202,11 @@ class EstimatorBaseline(Baseline):
         self.estimator = self.make_estimator(seed).fit(features, labels)
 
     def logits(self, recording: Array) -> Tensor:
-        """Class scores of one fragment."""
+        """Return the class scores of one fragment."""
         return class_scores(self.estimator, self.features(recording)[None])
 
     def state(self) -> State:
-        """The estimator as bytes."""
+        """Return the estimator as bytes."""
         return {"estimator": dump_estimator(self.estimator, self.estimator_classes)}
 
     def load_state(self, state: State) -> None:
@@ -214,12 +214,12 @@ class EstimatorBaseline(Baseline):
         self.estimator = load_estimator(state["estimator"], self.estimator_classes)
 
     def count_parameters(self) -> int:
-        """All numbers in the estimator's fitted arrays."""
+        """Return how many numbers the estimator's fitted arrays hold."""
         return count_fitted(self.estimator)
 
 
 def class_scores(estimator: Any, features: Array) -> Tensor:  # noqa: ANN401
-    """Log-probabilities (classes, rows) of feature vectors, else distances from the planes."""
+    """Return log-probabilities (classes, rows) of feature vectors, else distances from planes."""
     tiny = np.finfo(np.float64).tiny
     if hasattr(estimator, "predict_log_proba"):
         scores = np.maximum(estimator.predict_log_proba(features), np.log(tiny))
@@ -233,7 +233,7 @@ def class_scores(estimator: Any, features: Array) -> Tensor:  # noqa: ANN401
 
 
 def count_fitted(estimator: Any) -> int:  # noqa: ANN401
-    """Numbers in the arrays of an estimator and of those inside it that end in an underscore."""
+    """Count the numbers in arrays of an estimator, and of those in it, that end in ``_``."""
     if isinstance(estimator, np.ndarray):
         return estimator.size if estimator.dtype.kind == "f" else 0
     if hasattr(estimator, "get_params") and hasattr(estimator, "__dict__"):

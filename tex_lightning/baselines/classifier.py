@@ -51,15 +51,15 @@ def make_baseline(name: str, node: Mapping[str, Any], budget: float) -> "Baselin
     """
     if (library := missing_library(node)) is not None:
         raise UserError(f"model={name} needs {library}, which is not installed; run: {INSTALL}")
-    made = make(WHERE, node)
+    baseline = make(WHERE, node)
     from tex_lightning.baselines.base import Baseline
 
-    if not isinstance(made, Baseline):
+    if not isinstance(baseline, Baseline):
         raise UserError(
             f"{WHERE} names {node[TARGET]}, which is no baseline; derive it from "
             f"{Baseline.__module__}.{Baseline.__name__}."
         )
-    return made.with_budget(budget) if budget != 1 else made
+    return baseline.with_budget(budget) if budget != 1 else baseline
 
 
 MIN_SECONDS = 0.05  # of movement: the paper's window
@@ -150,10 +150,10 @@ class FittedBaseline(nn.Module):
             UserError: If it does not give such.
         """
         with calling(*(part := as_part(self.baseline))):
-            found: object = self.baseline.logits(recording)
-        if not isinstance(found, Tensor) or found.dim() != 2 or not found.is_floating_point():
-            raise breach(*part, f"returned {describe(found)} for a recording")
-        return found
+            scores: object = self.baseline.logits(recording)
+        if not isinstance(scores, Tensor) or scores.dim() != 2 or not scores.is_floating_point():
+            raise breach(*part, f"returned {describe(scores)} for a recording")
+        return scores
 
 
 def as_baseline_takes_it(x: Tensor) -> "Array":

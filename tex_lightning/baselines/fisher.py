@@ -143,8 +143,10 @@ class FisherVectors(Baseline):
         # Its threads wait for each other longer than they compute where others use the processor.
         with threadpool_limits(limits=1):
             mixture.fit(features)
-        found = (mixture.weights_, mixture.means_, mixture.covariances_)
-        return dict(zip(MIXTURE, (torch.from_numpy(array).float() for array in found), strict=True))
+        fitted = (mixture.weights_, mixture.means_, mixture.covariances_)
+        return dict(
+            zip(MIXTURE, (torch.from_numpy(array).float() for array in fitted), strict=True)
+        )
 
     def factors(self, height: int, width: int) -> list[float]:
         """Factors on the sides of a photo; at least one."""
@@ -168,8 +170,8 @@ class FisherVectors(Baseline):
         last = self.network.final[0].split(".")[1]  # as layers.conv5.0
         for name, layer in self.network.layers.named_children():
             if name == last:
-                found: Tensor = self.network.get_submodule(self.network.final[0])(image)
-                return found
+                maps: Tensor = self.network.get_submodule(self.network.final[0])(image)
+                return maps
             image = layer(image)
         raise ValueError(f"{self.trunk} has no layer {last}")
 
@@ -192,7 +194,7 @@ class FisherVectors(Baseline):
         """Read them back."""
         trunk, stored = published(self.trunk), state.items()
         trunk.load_state_dict(
-            {key.removeprefix(PREFIX): each for key, each in stored if key.startswith(PREFIX)}
+            {key.removeprefix(PREFIX): value for key, value in stored if key.startswith(PREFIX)}
         )
         self._freeze(trunk)
         self.fitted = {key: state[key] for key in (*MIXTURE, *PLANES)}
@@ -200,7 +202,7 @@ class FisherVectors(Baseline):
     def count_parameters(self) -> int:
         """Weights of the trunk, mixture and planes."""
         tensors = [*self.network.parameters(), *self.fitted.values()]
-        return sum(each.numel() for each in tensors)
+        return sum(value.numel() for value in tensors)
 
 
 def _resized(image: Tensor, size: list[int]) -> Tensor:
@@ -260,12 +262,15 @@ def fit_planes(vectors: Tensor, labels: npt.NDArray[np.int64], cost: float) -> S
     products = (vectors @ vectors.T).numpy().astype(np.float64)
     directions, offsets = [], []
     for label in range(int(labels.max()) + 1):
-        own = labels == label
-        machine = SVC(kernel="precomputed", C=cost).fit(products, own)
+        is_class = labels == label
+        machine = SVC(kernel="precomputed", C=cost).fit(products, is_class)
         amounts = np.zeros(len(labels))
         amounts[machine.support_] = machine.dual_coef_[0]
         scores = products @ amounts + machine.intercept_[0]
-        others, range_ = np.median(scores[~own]), np.median(scores[own]) - np.median(scores[~own])
+        others, range_ = (
+            np.median(scores[~is_class]),
+            np.median(scores[is_class]) - np.median(scores[~is_class]),
+        )
         directions.append(torch.from_numpy(amounts / range_).float() @ vectors)
         offsets.append((machine.intercept_[0] - others) / range_)
     return {"directions": torch.stack(directions), "offsets": torch.tensor(offsets).float()}

@@ -47,11 +47,11 @@ class MiniRocket(EstimatorBaseline):
     kind: ClassVar = "haptic"
 
     def with_budget(self, budget: float) -> Self:
-        """Fewer kernels."""
+        """Return it with fewer kernels."""
         return replace(self, kernels=max(MIN_KERNELS, int(self.kernels * budget)))
 
     def make_estimator(self, seed: int) -> Any:  # noqa: ANN401
-        """The pipeline of aeon's ``MiniRocketClassifier``."""
+        """Return the pipeline of aeon's ``MiniRocketClassifier``."""
         transform = Transform(n_kernels=self.kernels, n_jobs=self.threads, random_state=seed)
         ridge = RidgeClassifierCV(alphas=ALPHAS, cv=self.divisions)
         return make_pipeline(transform, StandardScaler(with_mean=False), ridge)
@@ -78,19 +78,19 @@ class MiniRocket(EstimatorBaseline):
         self.estimator[-1].cv = None  # which a checkpoint need not hold
 
     def logits(self, recording: Array) -> Tensor:
-        """Distances from the ridge classifier's planes, one fragment."""
+        """Return distances from the ridge classifier's planes, one fragment."""
         with computing_threads():  # aeon sets them, and Numba by their common OpenMP
             return super().logits(recording)
 
     def features(self, recording: Array) -> Array:
-        """The trace (1, length) with mean 0, and deviation 1 of itself or of the training set."""
+        """Return the trace (1, length) of mean 0, and of deviation 1 of itself or the training."""
         piece = np.resize(recording, self.length).astype(np.float32)
         deviation = self.scale if self.keep_level else piece.std()
         centred: Array = piece - piece.mean()
         return (centred / np.float32(deviation) if deviation > 0 else centred)[None]
 
     def state(self) -> State:
-        """The pipeline as bytes, and the length and level it was fitted to."""
+        """Return the pipeline as bytes, and the length and level it was fitted to."""
         scale = torch.tensor(self.scale, dtype=torch.float64)
         return {**super().state(), "length": torch.tensor(self.length), "scale": scale}
 

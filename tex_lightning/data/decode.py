@@ -270,7 +270,7 @@ def check_samples(trace: npt.NDArray[np.floating], name: str, place: int = 0) ->
 
 
 def as_trace(
-    given: Any,  # noqa: ANN401  (what NumPy can read)
+    samples: Any,  # noqa: ANN401  (what NumPy can read)
     key: str = "haptic",
     channels: Sequence[int] | None = None,
     *,
@@ -279,17 +279,17 @@ def as_trace(
     """Convert an array, tensor or list to samples (axes, samples), float64.
 
     Args:
-        given: (samples,), (axes, samples) or (samples, axes) with 1 to 64 axes, the longer
+        samples: (samples,), (axes, samples) or (samples, axes) with 1 to 64 axes, the longer
             dimension being time; integers or floating-point numbers, in the unit of the training
             recordings.
-        key: What they were given as.
+        key: Name of the argument, for messages.
         channels: Which of the axes are kept; None keeps all.
         is_chunk: Whether they are a piece of a stream, (samples,) or (axes, samples) of any length.
 
     Raises:
         UserError: If it has another shape or type, is empty, or holds NaN or infinity.
     """
-    array = _as_array(given, key)
+    array = _as_array(samples, key)
     if array.dtype.kind not in "fiu":
         raise UserError(f"{key} is an array of {array.dtype}; give numbers.")
     trace = axes_first(array)
@@ -305,19 +305,19 @@ def as_trace(
     return trace
 
 
-def as_photo(given: Any, settings: PhotoDecoder, colour: str, key: str = "image") -> Photo:  # noqa: ANN401
+def as_photo(image: Any, settings: PhotoDecoder, colour: str, key: str = "image") -> Photo:  # noqa: ANN401
     """Convert an array or tensor to pixels (height, width, 3) uint8 RGB, halved if configured.
 
     Args:
-        given: (height, width, 3) or, of greys, (height, width); uint8.
+        image: (height, width, 3) or, of greys, (height, width); uint8.
         settings: Settings of the checkpoint.
         colour: ``rgb``, or ``bgr`` as OpenCV gives them.
-        key: What they were given as.
+        key: Name of the argument, for messages.
 
     Raises:
         UserError: If it has another shape or type, or is empty.
     """
-    array = _as_array(given, key)
+    array = _as_array(image, key)
     if array.ndim == 2:
         array = np.repeat(array[..., None], 3, axis=2)
     if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3 or not array.size:
@@ -331,12 +331,12 @@ def as_photo(given: Any, settings: PhotoDecoder, colour: str, key: str = "image"
     return to_size(np.array(pixels, order="C"), settings, key)  # copied: some are read-only
 
 
-def _as_array(given: Any, key: str) -> npt.NDArray[Any]:  # noqa: ANN401
-    if isinstance(given, Tensor):
-        tensor = given.detach().cpu()
+def _as_array(values: Any, key: str) -> npt.NDArray[Any]:  # noqa: ANN401
+    if isinstance(values, Tensor):
+        tensor = values.detach().cpu()
         return (tensor.double() if tensor.is_floating_point() else tensor).numpy()  # no bfloat16
     try:
-        return np.asarray(given)
+        return np.asarray(values)
     except ValueError as error:  # lists of unequal lengths
         raise UserError(f"{key} cannot be read as an array ({error}); give one.") from error
 

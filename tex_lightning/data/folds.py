@@ -215,7 +215,7 @@ def make_samples(part: Recordings, modalities: Sequence[str]) -> list[Sample]:
         rows = {modality: lists[label, modality] for modality in modalities}
         if all(rows.values()):
             samples += [
-                Sample(label, {name: each[i % len(each)] for name, each in rows.items()})
+                Sample(label, {name: members[i % len(members)] for name, members in rows.items()})
                 for i in range(max(map(len, rows.values())))
             ]
     return samples

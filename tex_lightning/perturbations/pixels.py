@@ -30,62 +30,62 @@ class Scene:
 
 
 def power(trace: Array) -> float:
-    """Mean square of a trace (axes, samples) about the mean of each axis."""
+    """Return the mean square of a trace (axes, samples) about the mean of each axis."""
     return float(np.var(trace, axis=1, dtype=np.float64).mean())
 
 
 def scaled(disturbance: Array, trace: Array, snr: float) -> Array:
-    """A disturbance brought to ``snr`` dB below the power of a trace; silence stays as it is."""
-    own = power(disturbance)
-    factor = np.sqrt(power(trace) / own / 10 ** (snr / 10)) if own > 0 else 0.0
+    """Scale a disturbance to ``snr`` dB below the power of a trace; silence stays as it is."""
+    strength = power(disturbance)
+    factor = np.sqrt(power(trace) / strength / 10 ** (snr / 10)) if strength > 0 else 0.0
     result: Array = disturbance * factor
     return result
 
 
 def gaussian_noise(photo: Array, deviation: float, scene: Scene) -> Array:
-    """Independent noise on every value; its deviation is a share of full scale."""
+    """Add independent noise to every value; its deviation is a share of full scale."""
     return photo + 255 * deviation * _normal(photo, scene)
 
 
 def shot_noise(photo: Array, photons: float, scene: Scene) -> Array:
-    """Poisson noise with so many photons at full scale."""
+    """Draw Poisson noise with so many photons at full scale."""
     noisy: Array = scene.rng.poisson(photo * (photons / 255)) * (255 / photons)
     return noisy
 
 
 def impulse_noise(photo: Array, share: float, scene: Scene) -> Array:
-    """A share of the values becomes 0 or 255."""
+    """Set a share of the values to 0 or 255."""
     draw = scene.rng.random(photo.shape, dtype=np.float32)
     return np.where(draw < share / 2, 0, np.where(draw > 1 - share / 2, 255, photo))
 
 
 def brightness(photo: Array, offset: float, scene: Scene) -> Array:
-    """Value of hue, saturation and value raised by a share of full scale."""
+    """Raise the value (of HSV) by a share of full scale."""
     hsv = cv2.cvtColor(photo.astype(np.float32) / 255, cv2.COLOR_RGB2HSV)
     hsv[..., 2] = np.clip(hsv[..., 2] + offset, 0, 1)
     return cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB) * 255
 
 
 def darkness(photo: Array, factor: float, scene: Scene) -> Array:
-    """Exposure too short: every value times ``factor``."""
+    """Multiply every value by ``factor``, as of too short an exposure."""
     return photo * np.float32(factor)
 
 
 def contrast(photo: Array, factor: float, scene: Scene) -> Array:
-    """Distance from the mean of each colour times ``factor``."""
+    """Multiply the distance from the mean of each colour by ``factor``."""
     mean = photo.mean(axis=(0, 1), dtype=np.float32)
     flat: Array = mean + np.float32(factor) * (photo - mean)
     return flat
 
 
 def light_colour(photo: Array, change: float, scene: Scene) -> Array:
-    """Warmer or colder light: red and blue change by a share in opposite directions."""
+    """Change red and blue by a share in opposite directions: warmer or colder light."""
     sign = 1 if scene.rng.random() < 0.5 else -1
     return photo * np.array([1 + sign * change, 1, 1 - sign * change], np.float32)
 
 
 def light_gradient(photo: Array, loss: float, scene: Scene) -> Array:
-    """Light from one side, any one: it falls off linearly and loses ``loss`` at the other side."""
+    """Light the photo from any one side: it falls off linearly and loses ``loss`` at the other."""
     angle = 2 * np.pi * scene.rng.random()
     height, width = photo.shape[:2]
     across = np.linspace(-1, 1, width) * np.cos(angle)
@@ -96,7 +96,7 @@ def light_gradient(photo: Array, loss: float, scene: Scene) -> Array:
 
 
 def jpeg(photo: Array, quality: float, scene: Scene) -> Array:
-    """Compression; the quality is rounded to a whole number."""
+    """Compress; the quality is rounded to a whole number."""
     options = [cv2.IMWRITE_JPEG_QUALITY, round(quality)]
     _, content = cv2.imencode(".jpg", photo[..., ::-1], options)
     decoded = np.asarray(cv2.imdecode(content, cv2.IMREAD_COLOR))
@@ -104,7 +104,7 @@ def jpeg(photo: Array, quality: float, scene: Scene) -> Array:
 
 
 def image_grey(photo: Array, share: float, scene: Scene) -> Array:
-    """A share of the photos is mid-grey all over, as of a camera that is covered."""
+    """Grey a share of the photos all over, as of a camera that is covered."""
     return np.full_like(photo, 128) if scene.rng.random() < share else photo
 
 
@@ -116,7 +116,7 @@ BORDER = cv2.BORDER_REFLECT_101
 
 
 def defocus_blur(photo: Array, radius: float, scene: Scene) -> Array:
-    """Every point becomes a disk with a soft edge of one pixel."""
+    """Spread every point to a disk with a soft edge of one pixel."""
     distance = np.hypot(*_grid(radius + 1))
     return _filtered(photo, np.clip(radius + 0.5 - distance, 0, 1))
 
@@ -127,7 +127,7 @@ def gaussian_blur(photo: Array, deviation: float, scene: Scene) -> Array:
 
 
 def motion_blur(photo: Array, length: float, scene: Scene) -> Array:
-    """Every point becomes a line of ``length`` pixels in any direction."""
+    """Spread every point to a line of ``length`` pixels in any direction."""
     angle = np.pi * scene.rng.random()
     y, x = _grid(length / 2 + 1)
     along, aside = x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle)
@@ -136,27 +136,27 @@ def motion_blur(photo: Array, length: float, scene: Scene) -> Array:
 
 
 def rotation(photo: Array, degrees: float, scene: Scene) -> Array:
-    """Turned about the centre, either way."""
+    """Turn about the centre, either way."""
     return _about_centre(photo, 1.0, degrees if scene.rng.random() < 0.5 else -degrees)
 
 
 def nearer(photo: Array, factor: float, scene: Scene) -> Array:
-    """The camera ``factor`` times nearer: the middle of the photo enlarged to its size."""
+    """Enlarge the middle of the photo to its size: the camera is ``factor`` times nearer."""
     return _about_centre(photo, factor, 0.0)
 
 
 def scale_down(photo: Array, factor: float, scene: Scene) -> Array:
-    """Fewer pixels: at 2 the photo is halved once too often."""
+    """Take fewer pixels: at 2 the photo is halved once too often."""
     return _resized(photo, 1 / factor)
 
 
 def scale_up(photo: Array, factor: float, scene: Scene) -> Array:
-    """More pixels by interpolation: at 2 as if halving was forgotten."""
+    """Interpolate more pixels: at 2 as if halving was forgotten."""
     return _resized(photo, factor)
 
 
 def tilt(photo: Array, degrees: float, scene: Scene) -> Array:
-    """The camera tilted sideways or up and down; its focal length is the photo's longer side."""
+    """Tilt the camera sideways or up and down; its focal length is the photo's longer side."""
     height, width = photo.shape[:2]
     focal, angle = max(height, width), np.deg2rad(degrees)
     cos, sin = np.cos(angle), np.sin(angle)
@@ -181,7 +181,7 @@ def _filtered(photo: Array, kernel: Array) -> Array:
 
 
 def _resized(photo: Array, factor: float) -> Array:
-    """All of the photo with ``factor`` times as many pixels on each side, at least one."""
+    """Resize the photo to ``factor`` times as many pixels on each side, at least one."""
     size = (max(1, round(photo.shape[1] * factor)), max(1, round(photo.shape[0] * factor)))
     way = cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC
     return cv2.resize(photo, size, interpolation=way)

@@ -13,29 +13,29 @@ from tex_lightning.perturbations.pixels import Array, Scene, power, scaled
 
 
 def white_noise(trace: Array, snr: float, scene: Scene) -> Array:
-    """Independent Gaussian noise on every axis."""
+    """Add independent Gaussian noise to every axis."""
     return trace + scaled(scene.rng.standard_normal(trace.shape), trace, snr)
 
 
 def mains_hum(trace: Array, snr: float, scene: Scene) -> Array:
-    """A tone of 50 Hz with any phase, the same on every axis."""
+    """Add a tone of 50 Hz with any phase, the same to every axis."""
     time = np.arange(trace.shape[1]) / scene.rate
     tone = np.sin(2 * np.pi * (50 * time + scene.rng.random()))
     return trace + scaled(np.broadcast_to(tone, trace.shape), trace, snr)
 
 
 def quieter(trace: Array, decibel: float, scene: Scene) -> Array:
-    """Amplification too low."""
+    """Amplify too little."""
     return trace * 10 ** (-decibel / 20)
 
 
 def louder(trace: Array, decibel: float, scene: Scene) -> Array:
-    """Amplification too high, without clipping."""
+    """Amplify too much, without clipping."""
     return trace * 10 ** (decibel / 20)
 
 
 def clipping(trace: Array, share: float, scene: Scene) -> Array:
-    """The sensor saturates: ``share`` of the samples of every axis are cut off, mean removed."""
+    """Cut off ``share`` of the samples of every axis about its mean: the sensor saturates."""
     mean = trace.mean(axis=1, keepdims=True)
     bound = np.quantile(np.abs(trace - mean), 1 - share, axis=1, keepdims=True)
     clipped: Array = np.clip(trace - mean, -bound, bound) + mean
@@ -43,7 +43,7 @@ def clipping(trace: Array, share: float, scene: Scene) -> Array:
 
 
 def dropped_stretch(trace: Array, share: float, scene: Scene) -> Array:
-    """One stretch of the trace lost; the mean stands in its place."""
+    """Replace one stretch of the trace by the mean."""
     samples = trace.shape[1]
     length = round(share * samples)
     begin = int(scene.rng.random() * (samples - length + 1))
@@ -53,7 +53,7 @@ def dropped_stretch(trace: Array, share: float, scene: Scene) -> Array:
 
 
 def quantisation(trace: Array, bits: float, scene: Scene) -> Array:
-    """Rounding to 2**bits steps over the range of the trace."""
+    """Round to 2**bits steps over the range of the trace."""
     low, high = trace.min(), trace.max()
     step = (high - low) / (2**bits - 1)
     stepped: Array = trace if step == 0 else low + np.round((trace - low) / step) * step
@@ -61,14 +61,14 @@ def quantisation(trace: Array, bits: float, scene: Scene) -> Array:
 
 
 def low_pass(trace: Array, cut_off: float, scene: Scene) -> Array:
-    """A loosely fixed sensor: a second-order low pass of ``cut_off`` Hz."""
+    """Apply a second-order low pass of ``cut_off`` Hz, as of a loosely fixed sensor."""
     spectrum = np.fft.rfft(trace, axis=1)
     frequency = np.fft.rfftfreq(trace.shape[1], 1 / scene.rate)
     return np.fft.irfft(spectrum / (1 + (frequency / cut_off) ** 2), trace.shape[1], axis=1)
 
 
 def silence(trace: Array, share: float, scene: Scene) -> Array:
-    """A share of the recordings is silence, as of a sensor that is unplugged."""
+    """Silence a share of the recordings, as of a sensor that is unplugged."""
     return np.zeros_like(trace) if scene.rng.random() < share else trace
 
 
@@ -78,12 +78,12 @@ BURST_SECONDS, BURST_DECAY = 0.05, 0.008  # of an impact
 
 
 def wrong_rate(trace: Array, percent: float, scene: Scene) -> Array:
-    """The clock ran ``percent`` faster than the stated rate: everything is lower, and longer."""
+    """Stretch the trace, as of a clock that ran ``percent`` faster than the stated rate."""
     return _resampled(trace, 1 + percent / 100)
 
 
 def stroke_velocity(trace: Array, factor: float, scene: Scene) -> Array:
-    """A faster stroke, by resampling: higher, shorter and louder by the same factor.
+    """Imitate a faster stroke by resampling: higher, shorter and louder by the same factor.
 
     A real one also changes how the tool follows the relief, which no recording can tell.
     """
@@ -91,7 +91,7 @@ def stroke_velocity(trace: Array, factor: float, scene: Scene) -> Array:
 
 
 def force(trace: Array, decibel: float, scene: Scene) -> Array:
-    """A heavier hand: louder by ``decibel``, and half as many dB per decade darker.
+    """Imitate a heavier hand: louder by ``decibel``, half as many dB per decade darker.
 
     A stand-in: the contact changes with force in ways that no recording can tell.
     """
@@ -103,7 +103,7 @@ def force(trace: Array, decibel: float, scene: Scene) -> Array:
 
 
 def impact_left_in(trace: Array, strength: float, scene: Scene) -> Array:
-    """A decaying burst before the movement, its peak ``strength`` times the root mean square.
+    """Put a decaying burst before the movement, its peak ``strength`` times the RMS.
 
     It comes without the quiet by which a touch is recognised, as if a recording began with it.
     """
@@ -114,7 +114,7 @@ def impact_left_in(trace: Array, strength: float, scene: Scene) -> Array:
 
 
 def shorter_trace(trace: Array, seconds: float, scene: Scene) -> Array:
-    """A stroke of ``seconds`` out of the recording; longer ones than it has leave it whole."""
+    """Cut ``seconds`` out of the recording; more than it has leave it whole."""
     samples = min(trace.shape[1], max(1, round(seconds * scene.rate)))
     begin = int(scene.rng.random() * (trace.shape[1] - samples + 1))
     return trace[:, begin : begin + samples]

@@ -34,32 +34,32 @@ REMEDY = (
 
 
 @contextmanager
-def open_camera(given: str) -> Iterator[Callable[[], Pixels]]:
+def open_camera(source: str) -> Iterator[Callable[[], Pixels]]:
     """Open a camera, and yield a function that takes a photo (height, width, 3) of what it sees.
 
     Args:
-        given: ``camera:NUMBER``, or the path or address of a photo, a video or numbered photos
+        source: ``camera:NUMBER``, or the path or address of a photo, a video or numbered photos
             (``p_%02d.png``), which are gone through one by one.
 
     Raises:
         UserError: If it cannot be opened, or gives no picture.
     """
-    kind, _, number = given.partition(":")
+    kind, _, number = source.partition(":")
     live = kind == "camera"
     if live and not number.isdecimal():
-        raise UserError(f"image={given} names no camera; write camera:0, camera:1 and so on.")
+        raise UserError(f"image={source} names no camera; write camera:0, camera:1 and so on.")
     before = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    capture = cv2.VideoCapture(int(number) if live else given)
+    capture = cv2.VideoCapture(int(number) if live else source)
     cv2.utils.logging.setLogLevel(before)
     if not capture.isOpened():
-        raise UserError(f"image={given} cannot be opened; {REMEDY}.")
+        raise UserError(f"image={source} cannot be opened; {REMEDY}.")
 
     def photo() -> Pixels:
         for _ in range(FIRST if live else 0):
             capture.grab()
         there, picture = capture.read()
         if not there:
-            raise UserError(f"image={given} gives no picture (any more); {REMEDY}.")
+            raise UserError(f"image={source} gives no picture (any more); {REMEDY}.")
         return np.asarray(picture, np.uint8)
 
     try:
@@ -101,8 +101,8 @@ class ClassFolder:
         if self.manifest.is_file():
             return read_manifest(self.manifest)
         suffixes = {suffix for name in MODALITIES for suffix in suffixes_of(name)}
-        found = any(file.suffix.lower() in suffixes for file in self.root.glob("*/**/*"))
-        return read_folder(self.root) if found else Recordings(())
+        has_files = any(file.suffix.lower() in suffixes for file in self.root.glob("*/**/*"))
+        return read_folder(self.root) if has_files else Recordings(())
 
     def next_name(self) -> str:
         """Return the file name of the next recording, without suffix; its number is the largest."""

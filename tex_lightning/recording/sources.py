@@ -126,22 +126,22 @@ class Source:
     lost: bool = False
 
 
-def open_source(modality: str, given: str, settings: SourceConfig) -> Source:
+def open_source(modality: str, text: str, settings: SourceConfig) -> Source:
     """Open the source that a person names.
 
     Args:
         modality: Modality of the signal, which is also the key.
-        given: ``-``, ``serial:PORT``, ``soundcard``, ``soundcard:NAME``, or a path.
+        text: ``-``, ``serial:PORT``, ``soundcard``, ``soundcard:NAME``, or a path.
         settings: Section of the source.
 
     Raises:
         UserError: If the source is not there or cannot be used, or its rate is missing.
     """
-    name, key = f"{modality}={given}", f"record.{modality}"
-    kind, _, address = given.partition(":")
+    name, key = f"{modality}={text}", f"record.{modality}"
+    kind, _, address = text.partition(":")
     if kind == "soundcard":
         return _sound_card(name, address, settings)
-    path = Path(given).expanduser()
+    path = Path(text).expanduser()
     if path.suffix.lower() in TRACE_SUFFIXES and path.is_file():
         return _recorded_file(path, name, key, settings.rate)
     if settings.rate is None:
@@ -150,7 +150,7 @@ def open_source(modality: str, given: str, settings: SourceConfig) -> Source:
     if kind == "serial":
         opened = partial(_open_serial, _library("serial", name), address, settings.baud)
         remedy = "check the name of the port, and that no other program has it"
-    elif given == "-" or path.exists():
+    elif text == "-" or path.exists():
         opened, remedy = partial(_open_pipe, path), "check the path, and who writes to it"
     else:
         raise UserError(
@@ -224,8 +224,8 @@ def _sound_card(name: str, device: str, settings: SourceConfig) -> Source:
                 yield samples.T.copy()
 
     with failures():
-        found = sounddevice.query_devices(chosen, "input")
-        source = Source(settings.rate or int(found["default_samplerate"]), chunks)
+        properties = sounddevice.query_devices(chosen, "input")
+        source = Source(settings.rate or int(properties["default_samplerate"]), chunks)
         stream = sounddevice.InputStream(
             samplerate=source.rate, device=chosen, channels=settings.axes, dtype="float32"
         )
