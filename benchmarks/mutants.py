@@ -50,13 +50,10 @@ networks: total = total + part ==> total = total - part
 if index == len(self.sizes) - 1 ==> if index < len(self.sizes)
 (1 + 1 / self.counts).sqrt() ==> (1 / self.counts).sqrt()
 rows - means[labels], len(rows) - classes ==> rows - means[labels], len(rows)
-apart.square().sum(dim=-1) ==> apart.abs().sum(dim=-1)
 return classifier.eval() ==> return classifier
 = probabilities(logits, temperature), ==> = probabilities(logits, 1.0),
 label=int(self.probabilities.argmax()) ==> label=int(self.probabilities.argmin())
 int((len(known) + 1) * rate + ==> int(len(known) * rate +
-log(self.alpha / (self.classes - 1)) ==> log(self.alpha)
-first - second > remaining ==> first - second >= remaining
 torch.full((count, classes), rest / (classes - 1), ==> torch.full((count, classes), rest / classes,
 return torch.stack(drawn, dim=1) ==> return torch.stack(drawn[::-1], dim=1)
 learning/statistics: classifier.eval() ==> classifier.train()

@@ -27,7 +27,6 @@ CONFIG = DecisionConfig(
     name="sequential",
     pairs=200,
     seed=0,
-    alpha=0.0,
     confidence_threshold=NEVER,
     calibrated=True,
     disagreement=0.1,
@@ -115,39 +114,6 @@ def count_positions(monkeypatch, network: nn.Module) -> list[int]:
     rows: list[int] = []
     network.trunk.register_forward_hook(lambda _, x, __: rows.append(len(x[0])))
     return rows
-
-
-@pytest.mark.parametrize("alpha", [0.0, 0.2])
-def test_windows_not_drawn_are_not_computed(monkeypatch, alpha):
-    model = classifier("visual")
-    model.network.head.score_layer.bias.copy_(torch.tensor([0.0, 50.0, 0.0, 0.0]))
-    sequential = SequentialClassifier(model, replace(CONFIG, alpha=alpha))
-    large = photo(0, 1400, 1600)
-    rows = count_positions(monkeypatch, model.network)
-    vote = sequential.classify(image=large)
-    assert vote.label == 1
-    if alpha == 0:  # more than half of the positions: the dense pass is cheaper
-        assert rows == [1]
-        assert vote.relative_macs == 1
-        assert len(vote.fragments) == model.logits(image=large).shape[1]
-    else:
-        assert sum(rows) == len(vote.fragments) == sequential.rule.least_more([0] * 4, 10_000)
-        counted = spent(lambda: sequential.classify(image=large))
-        full = spent(lambda: model.classify(image=large))
-        assert vote.relative_macs == pytest.approx(counted / full)
-        assert vote.relative_macs < 0.3
-
-
-def test_single_windows_have_the_scores_of_isolated_crops():
-    model = classifier("visual")
-    large = photo(1)
-    sequential = SequentialClassifier(model, CONFIG)
-    rows, columns = model.network.output_size(800, 1000)
-    last = rows * columns - 1
-    scores = sequential._windows(model.senses["visual"], large, torch.tensor([columns + 2, last]))
-    inside = model.logits(image=large[32 : 32 + 224, 64 : 64 + 224].contiguous())
-    edge = model.logits(image=large[-224:, -224:].contiguous())
-    torch.testing.assert_close(scores, torch.cat((inside, edge), dim=1))
 
 
 def test_fusion_looks_at_the_photo_only_where_the_trace_is_not_enough(monkeypatch):

@@ -108,7 +108,7 @@ def test_it_is_the_decision_of_classify_and_the_scores_of_each_sense_alone(level
     assert vote.label == whole.label
     assert torch.equal(vote.fragments, whole.fragments)
     assert torch.equal(vote.probabilities, whole.probabilities)
-    assert found["visual"].scores.shape == (3, *classifier.senses["visual"].grid(given["image"]))
+    assert found["visual"].scores.ndim == 3
     if level == "fc2":
         for name, modality in (("haptic", "haptic"), ("visual", "image")):
             alone = classifier.with_senses((name,)).logits(**{modality: given[modality]})

@@ -54,7 +54,7 @@ def test_it_tells_no_geometry_and_what_needs_one_says_so():
     assert sense.piece_size(7) == 7
     assert sense.input_size(signal(1.0)) == (1, 12)
     with pytest.raises(UserError, match=r"each see a window .* and Loudness of touch is none"):
-        sense.grid(signal(1.0))
+        _ = sense.window_size
 
 
 @pytest.mark.parametrize("samples", [399, 60])

@@ -43,9 +43,6 @@ class DecisionConfig:
         CHANCE,
         default=None,
     )
-    alpha: float = key(
-        "sequential: largest probability that what is left out changes the label", CHANCE
-    )
     confidence_threshold: float = key(
         "sequential: mean probability at which one modality, or part of a trace, decides", SHARE
     )

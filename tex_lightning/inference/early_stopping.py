@@ -3,29 +3,23 @@
 - A long trace is classified by its beginning, first a single fragment and then each time twice as
   long, until the mean probability is enough. Where beginnings would cost more than half of the full
   pass, that is done instead: on traces of a few seconds immediately.
-- A large photo is taken window by window in random order (:class:`StoppingRule`). A single window
-  sees zeros beyond its edge where the dense pass sees the photo, so its score is not exactly the
-  dense one; it is what the network was trained on. Where the windows would cost more than the dense
-  pass, that is done instead.
 - Of several senses the cheapest comes first, and the next cheapest is added as long as the vote of
   those that were asked is not confident.
 
-Where fragments are averaged (``rule`` is not ``vote``) no majority ends a vote: a photo is taken
-whole, and of the rest as much as a confident probability needs; mean scores take a trace whole.
+A single photo, and a trace of which the mean score decides, are taken whole.
 """
 
-from bisect import bisect_left
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from functools import reduce
-from math import inf, lgamma, log
+from math import inf
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.classifier.vote import Vote, max_vote, random_tuples
+from tex_lightning.classifier.vote import Vote, random_tuples
 from tex_lightning.config import DecisionConfig, EngineConfig
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import Costs, accelerate, count_macs
@@ -34,7 +28,6 @@ from tex_lightning.senses.features.spectrogram import SpectrogramFeatures, movem
 
 MAX_VOTE, SEQUENTIAL = "max_vote", "sequential"
 MAX_WASTE = 0.5  # of the full pass, that undecided beginnings of a trace may cost
-BATCH = 16  # windows computed at once
 
 
 def decide(classifier: SurfaceClassifier, config: DecisionConfig) -> SurfaceClassifier:
@@ -68,8 +61,8 @@ def make_inference_model(
 
 def needs_threshold(classifier: SurfaceClassifier) -> bool:
     """Whether a sequential decision uses a probability, as all but those on a single photo do."""
-    senses = list(classifier.senses.values())
-    return not classifier.card.baseline and not (len(senses) == 1 and senses[0].windowed)
+    media = [sense.medium for sense in classifier.senses.values()]
+    return not classifier.card.baseline and media != ["photo"]
 
 
 def is_local(sense: Sense) -> bool:
@@ -79,66 +72,6 @@ def is_local(sense: Sense) -> bool:
         (features.axes, features.normalisation) == ("frame", "standard")
     )
     return local and sense.geometry is not None
-
-
-@dataclass(frozen=True)
-class StoppingRule:
-    """Stop when more fragments cannot, or hardly can, change the winner of the vote.
-
-    The fragments are drawn in random order, without replacement, from the full set whose vote is
-    the decision, so that neighbouring fragments with overlapping windows do no harm: their
-    dependence lies in what is drawn from, not in the drawing.
-
-    *Exact*: the leader's distance from the second is larger than the number of fragments left.
-
-    *PPR-1v1* (Jain et al., "PAC mode estimation using PPR martingale confidence sequences",
-    AISTATS 2022): between two classes the draws are those of a coin. A uniform prior over its bias
-    has a posterior density of f at 1/2 after a and b draws, and 1/f is, for the class that does not
-    have the majority, as unlikely to ever exceed c as 1/c. The rule stops when
-    f <= alpha / (classes - 1) for the leader against the second, and so against each of the others.
-    Draws without replacement only make a wrong stop less likely: between two equal halves, the
-    worst case, a sequence with a against b is then less probable than tosses of a fair coin
-    wherever (a - b)^2 > a + b, and the rule never stops elsewhere.
-
-    Args:
-        alpha: Probability, in [0, 1), that the label differs from that of the full vote, whatever
-            the fragments and however often the rule is asked; 0 leaves the exact rule alone.
-        classes: Number of classes, at least 2.
-    """
-
-    alpha: float
-    classes: int
-
-    def decided(self, votes: Sequence[float], remaining: int) -> bool:
-        """Whether to stop.
-
-        Args:
-            votes: (classes,) fragments for each class so far; for the exact rule also sums of what
-                they give each class, from 0 to 1.
-            remaining: Fragments not yet drawn.
-        """
-        second, first = sorted(votes)[-2:]
-        if remaining == 0 or first - second > remaining:
-            return True
-        if first == second or self.alpha == 0:
-            return False
-        return log_density(first, second) <= log(self.alpha / (self.classes - 1))
-
-    def least_more(self, votes: Sequence[int], remaining: int) -> int:
-        """Smallest number of further fragments, all for the leader, after which the rule stops."""
-        leader = max(range(len(votes)), key=votes.__getitem__)
-
-        def decided(more: int) -> bool:
-            more_votes = [n + more * (label == leader) for label, n in enumerate(votes)]
-            return self.decided(more_votes, remaining - more)
-
-        return bisect_left(range(remaining + 1), True, key=decided)
-
-
-def log_density(first: float, second: float) -> float:
-    """Logarithm of the density at 1/2 of the Beta(first + 1, second + 1) distribution."""
-    count = first + second
-    return lgamma(count + 2) - lgamma(first + 1) - lgamma(second + 1) - count * log(2)
 
 
 def is_confident(probability: float, threshold: float) -> bool:
@@ -151,7 +84,7 @@ class SequentialClassifier(SurfaceClassifier):
 
     Args:
         classifier: Computes; its full vote is the decision that is spared.
-        config: ``alpha``, and ``confidence_threshold`` unless ``calibrated`` finds one in the card.
+        config: ``confidence_threshold``, unless ``calibrated`` finds one in the card.
 
     Attributes:
         threshold: Mean probability at which some senses, or the beginning of a trace, decide.
@@ -162,7 +95,6 @@ class SequentialClassifier(SurfaceClassifier):
         self.card = classifier.card
         self.full = classifier
         self.costs = Costs(classifier.card)
-        self.rule = StoppingRule(config.alpha, len(classifier.card.classes))
         self.densities: dict[str, float] = {}  # multiply-accumulates for each number of an input
         chosen = self.card.calibration if config.calibrated else {}
         self.threshold = chosen.get("confidence_threshold", config.confidence_threshold)
@@ -186,8 +118,6 @@ class SequentialClassifier(SurfaceClassifier):
         (sense,) = senses.values()
         if is_local(sense) and self.card.rule != "score":
             return self._trace(sense, recordings[sense.modality])
-        if sense.windowed and self.card.rule == "vote":
-            return self._photo(sense, recordings[sense.modality])
         return self.full.classify(**recordings)
 
     def _trace(self, sense: Sense, trace: Tensor) -> Vote:
@@ -209,35 +139,6 @@ class SequentialClassifier(SurfaceClassifier):
             seen *= 2
         vote = self.full.classify(**{sense.modality: trace})
         return replace(vote, relative_macs=(spent + full) / full)
-
-    def _photo(self, sense: Sense, photo: Tensor) -> Vote:
-        """Vote over windows in random order; over the dense pass where that costs less."""
-        sense.check(photo)
-        rows, columns = sense.grid(photo)
-        generator = torch.Generator().manual_seed(self.full.seed(**{sense.modality: photo}))
-        order = torch.randperm(rows * columns, generator=generator)
-        dense = self.costs.of(sense.name, *sense.input_size(photo))
-        one = self.costs.of(sense.name, *sense.window_size)
-        votes, scores, drawn = [0] * len(self.card.classes), [], 0
-        while not self.rule.decided(votes, len(order) - drawn):
-            more = self.rule.least_more(votes, len(order) - drawn)
-            if (drawn + more) * one > dense:
-                whole = self.full.classify(**{sense.modality: photo})
-                return replace(whole, relative_macs=(drawn * one + dense) / dense)
-            scores.append(self._windows(sense, photo, order[drawn : drawn + more]))
-            counts = torch.bincount(scores[-1].argmax(dim=0), minlength=len(votes)).tolist()
-            votes = [old + count for old, count in zip(votes, counts, strict=True)]
-            drawn += more
-        vote = max_vote(torch.cat(scores, dim=1), self.card.temperature)
-        return replace(vote, relative_macs=drawn * one / dense)
-
-    def _windows(self, sense: Sense, photo: Tensor, places: Tensor) -> Tensor:
-        """Scores (classes, places) of single windows; those at the far edge lie inside."""
-        columns, side = sense.grid(photo)[1], torch.tensor(sense.window_size)
-        corners = torch.stack((places // columns, places % columns), dim=1) * sense.stride
-        corners = corners.minimum((torch.tensor(sense.input_size(photo)) - side).clamp(min=0))
-        parts = torch.split(corners, BATCH)
-        return torch.cat([sense.windows(photo, part, "fc3") for part in parts], dim=1)
 
     def _several(self, senses: Mapping[str, Sense], recordings: dict[str, Tensor]) -> Vote:
         """Use one sense after another, the cheapest first."""

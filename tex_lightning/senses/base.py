@@ -44,12 +44,10 @@ class Sense(nn.Module, ABC):
             geometry of the network is known.
         medium: What its recordings are: ``signal`` or ``photo``.
         dimensions: Fewest dimensions of the network's input.
-        windowed: Whether single windows of a recording can be classified.
     """
 
     medium: ClassVar[str]
     dimensions: ClassVar[int]
-    windowed: ClassVar[bool] = False
     features: nn.Module
     network: nn.Module
 
@@ -260,20 +258,6 @@ class Sense(nn.Module, ABC):
         if not isinstance(found, Tensor) or found.dim() < 3 or len(found) != len(x):
             raise breach(*part, f"returned {describe(found)} for a batch of {len(x)}")
         return found
-
-    def windows(self, recording: Tensor, corners: Tensor, level: Level) -> Tensor:
-        """Return features (D, windows), float32, of single windows of a decoded recording.
-
-        Args:
-            recording: As for :meth:`positions`.
-            corners: (windows, 2) row and column where each begins in the network's input.
-            level: As for :meth:`positions`.
-        """
-        raise NotImplementedError(f"{self.medium}s are not classified window by window")
-
-    def grid(self, recording: Tensor) -> tuple[int, int]:
-        """Return rows and columns of positions that a decoded recording gives."""
-        return self._known_geometry.output_size(*self.input_size(recording))
 
     def piece_size(self, size: int) -> int:
         """Return the size of a piece that gives one position; ``size`` where it is not known."""

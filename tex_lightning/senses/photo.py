@@ -30,7 +30,6 @@ class PhotoSense(Sense):
 
     medium: ClassVar[str] = "photo"
     dimensions: ClassVar[int] = 4
-    windowed: ClassVar[bool] = True
     decoder: PhotoDecoder
 
     @classmethod
@@ -67,14 +66,6 @@ class PhotoSense(Sense):
     def score(self, x: Tensor, level: Level) -> Tensor:
         """Return features of pixels (batch, 3, height, width) uint8, or of a network input."""
         return super().score(self.read(x) if x.dtype == torch.uint8 else x, level)
-
-    def windows(self, recording: Tensor, corners: Tensor, level: Level) -> Tensor:
-        """Return features of single windows of a photo; see the base class."""
-        height, width = self.window_size
-        crops = torch.stack(
-            [recording[row : row + height, column : column + width] for row, column in corners]
-        )
-        return self.score(crops.permute(0, 3, 1, 2), level).float().flatten(1).T
 
     def input_size(self, recording: Tensor | Array) -> tuple[int, int]:
         """Return height and width in pixels."""
