@@ -16,10 +16,7 @@ from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.hapticnet import HapticNet
 
 ENGINE = EngineConfig(
-    fold_batch_norm=True,
-    fast_response_norm=True,
-    fast_spectrogram=True,
-    channels_last=True,
+    fast=True,
     tile=None,
 )
 

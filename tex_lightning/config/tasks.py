@@ -88,10 +88,10 @@ class TrainerConfig:
 class EngineConfig:
     """How a trained network is run in testing and prediction; its weights do not change."""
 
-    fold_batch_norm: bool = key("merge batch normalisation into the convolution before it")
-    fast_response_norm: bool = key("compute local response normalisation within the cache")
-    fast_spectrogram: bool = key("on the CPU, compute spectrograms in blocks that fit its cache")
-    channels_last: bool = key("store weights with the channels innermost, as decoded photos are")
+    fast: bool = key(
+        "fold batch normalisation into convolutions, store weights channels innermost, and compute "
+        "response normalisation and spectrograms within the cache of the processor"
+    )
     tile: int | None = key(
         "most pixels, or frames times 50 channels, that go through a network at once, but at least "
         "twice its receptive field each way; null never divides",

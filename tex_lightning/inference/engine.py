@@ -101,11 +101,11 @@ def _scaled(conv: nn.Conv2d, scale: Tensor, shift: Tensor) -> nn.Conv2d:
 
 
 def accelerate(classifier: SurfaceClassifier, config: EngineConfig) -> SurfaceClassifier:
-    """Copy a classifier for inference, with the switches of ``config``; a baseline has none.
+    """Copy a classifier for inference as ``config`` says; a baseline stays as it is.
 
     Args:
         classifier: A trained classifier on any device; it is left as it is.
-        config: The switches.
+        config: Whether layers are rewritten, and the size of tiles.
 
     Returns:
         An independent classifier on the same device, in evaluation mode and without gradients.
@@ -119,22 +119,20 @@ def accelerate(classifier: SurfaceClassifier, config: EngineConfig) -> SurfaceCl
         sense.tile = config.tile
         for features in sense.features.modules():
             if isinstance(features, SpectrogramFeatures):
-                features.fast_spectrogram = config.fast_spectrogram and device.type == "cpu"
-        _rewrite(sense.network, config)
+                features.fast_spectrogram = config.fast and device.type == "cpu"
+        if config.fast:
+            _rewrite(sense.network)
     fast.to(device)
     return fast
 
 
-def _rewrite(network: nn.Module, config: EngineConfig) -> None:
-    if config.fold_batch_norm:
-        fold_batch_norm(network)
-    if config.fast_response_norm:
-        for layers in _sequences(network):
-            for place, layer in enumerate(layers):
-                if isinstance(layer, nn.LocalResponseNorm):
-                    layers[place] = FastResponseNorm(layer)
-    if config.channels_last:
-        network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # no stub
+def _rewrite(network: nn.Module) -> None:
+    fold_batch_norm(network)
+    for layers in _sequences(network):
+        for place, layer in enumerate(layers):
+            if isinstance(layer, nn.LocalResponseNorm):
+                layers[place] = FastResponseNorm(layer)
+    network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # no stub
 
 
 def count_macs(function: Callable[[], object]) -> int:
