@@ -16,7 +16,7 @@ from torchmetrics.functional.classification import binary_calibration_error
 
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.config import Config, DecisionConfig
+from tex_lightning.config import DecisionConfig, EngineConfig
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import class_indices
 from tex_lightning.data.store import Store, load_sample
@@ -93,7 +93,8 @@ def calibrated_card(
     classifier: SurfaceClassifier,
     samples: Sequence[Sample],
     store: Store,
-    config: Config,
+    decision: DecisionConfig,
+    engine: EngineConfig,
     *,
     fitted: bool = False,
 ) -> Card:
@@ -103,7 +104,8 @@ def calibrated_card(
         classifier: Trained, in evaluation mode.
         samples: Samples of the validation fold; without any the card stays as it is.
         store: Their recordings.
-        config: How it runs and decides.
+        decision: How it decides.
+        engine: How it runs.
         fitted: Whether its probabilities were fitted with its weights, to all training recordings:
             a temperature from the few of the validation fold would only make them worse.
     """
@@ -114,10 +116,10 @@ def calibrated_card(
     if not fitted:
         found["temperature"] = _temperature(classifier, samples, store)
     card = replace(card, calibration=found)
-    if config.decision.name == SEQUENTIAL and needs_threshold(classifier):
-        fast = accelerate(classifier, config.engine)
+    if decision.name == SEQUENTIAL and needs_threshold(classifier):
+        fast = accelerate(classifier, engine)
         fast.card = card
-        found |= choose_confidence_threshold(fast, config.decision, samples, store)
+        found |= choose_confidence_threshold(fast, decision, samples, store)
     return replace(card, calibration=found)
 
 

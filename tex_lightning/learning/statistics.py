@@ -118,7 +118,9 @@ def complete_card(
     classifier.to(pick_device(config.trainer.accelerator))
     samples = make_samples(parts.val, classifier.card.modalities)
     fitted = any(left_out.values()) and fits_probabilities(classifier)
-    card = calibrated_card(classifier, samples, store, config, fitted=fitted)
+    card = calibrated_card(
+        classifier, samples, store, config.decision, config.engine, fitted=fitted
+    )
     if classifier.statistics and not card.novelties:
         rows = [*_left_out(left_out, classifier, parts), *_validated(classifier, samples, store)]
         if rows:

@@ -153,7 +153,12 @@ def make_trainer(
     # not Lightning's save_last, which leaves out the epochs that are not the best; the last file
     # holds the state of the keeper, which therefore comes first
     keepers = [*([keeper] if keeper else []), _keep(working, "last", None)]
-    callbacks = [timer, *keepers, *watchers, *_configured_callbacks(config)]
+    callbacks = [
+        timer,
+        *keepers,
+        *watchers,
+        *_build_callbacks(config.callbacks, config.trainer.flags),
+    ]
     flags = {
         "log_every_n_steps": min(10, fit["steps_per_epoch"]),
         "limit_val_batches": 1.0 if validated else 0,
@@ -188,7 +193,7 @@ def try_parts_of_training(config: Config, directory: Path) -> None:
     open_loggers(config.logger, directory, model.kind)
     if model.baseline is not None:
         return
-    callbacks = _configured_callbacks(config)
+    callbacks = _build_callbacks(config.callbacks, config.trainer.flags)
     if any(model.fit_values(kind)["epochs"] for kind in model.trained):
         with quiet_lightning():
             _lightning_trainer(config.trainer.flags, callbacks=[ModelCheckpoint(), *callbacks])
@@ -199,12 +204,9 @@ def try_parts_of_training(config: Config, directory: Path) -> None:
             make_optimizer(f"model.{kind}.fit", fit, weights[:1], weights[1:])
 
 
-def _configured_callbacks(config: Config) -> list[Callback]:
-    callbacks = [
-        build_derived(f"callbacks.{name}", node, Callback)
-        for name, node in config.callbacks.items()
-    ]
-    if config.trainer.flags.get("enable_progress_bar", True):
+def _build_callbacks(nodes: dict[str, Any], flags: dict[str, Any]) -> list[Callback]:
+    callbacks = [build_derived(f"callbacks.{name}", node, Callback) for name, node in nodes.items()]
+    if flags.get("enable_progress_bar", True):
         return callbacks
     return [each for each in callbacks if not isinstance(each, LightningProgressBar)]
 

@@ -13,7 +13,7 @@ from rich.text import Text
 from tex_lightning.baselines.classifier import make_baseline, new_classifier
 from tex_lightning.classifier.card import DECISION, LABEL, Card
 from tex_lightning.classifier.classifier import SurfaceClassifier, Trained, read_trained
-from tex_lightning.config import Config
+from tex_lightning.config import Config, DataConfig
 from tex_lightning.core.console import QUIET, Screen, console
 from tex_lightning.core.progress import track
 from tex_lightning.data.decode import SignalDecoder
@@ -130,8 +130,8 @@ def open_test_data(config: Config, classifier: SurfaceClassifier, who: str) -> D
             f"{who} does not know the class {listed(unknown)}; leave it out of the "
             "data, name it in data.hold_out or train on it."
         )
-    tested, strange = (_tested(part, config, card, who) for part in (rows, held))
-    store = open_store(config, classifier)
+    tested, strange = (_tested(part, config.data, card, who) for part in (rows, held))
+    store = open_store(config.data, classifier)
     both = replace(tested, rows=tested.rows + strange.rows)
     senses = classifier.senses.values()
     skipped = find_unusable(both, store, senses, store.fill(both), skip_bad=data.skip_bad)
@@ -145,20 +145,20 @@ def open_test_data(config: Config, classifier: SurfaceClassifier, who: str) -> D
     return Dataset(config, card.classes, usable, strange.without(bad), store, tuple(skipped))
 
 
-def _tested(rows: Recordings, config: Config, card: Card, who: str) -> Recordings:
+def _tested(rows: Recordings, data: DataConfig, card: Card, who: str) -> Recordings:
     wanted = rows.without(row for row in rows if row.modality not in card.modalities)
-    test = split(wanted, config.data).test
-    refuse_leak(test, card, who, config.data)
+    test = split(wanted, data).test
+    refuse_leak(test, card, who, data)
     return replace(test, notes=rows.notes)
 
 
-def open_store(config: Config, classifier: SurfaceClassifier) -> Store:
+def open_store(data: DataConfig, classifier: SurfaceClassifier) -> Store:
     """Open a store that decodes recordings with a checkpoint's settings."""
     decoders = {
-        sense.modality: sense.decoder.assuming(config.data.file_rate)
+        sense.modality: sense.decoder.assuming(data.file_rate)
         for sense in classifier.senses.values()
     }
-    return Store(cache_root(config.data.cache_dir), decoders)
+    return Store(cache_root(data.cache_dir), decoders)
 
 
 def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordings, Recordings]:

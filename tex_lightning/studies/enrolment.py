@@ -57,7 +57,7 @@ def open_new_classes(config: Config, classifier: SurfaceClassifier) -> Dataset:
     elif data.per_class is not None:
         chosen = next_of_each(rows.rows, data.per_class, 0, data.folds)
         rows = replace(rows, rows=tuple(chosen))
-    store, senses = open_store(config, classifier), classifier.senses.values()
+    store, senses = open_store(config.data, classifier), classifier.senses.values()
     skipped = find_unusable(rows, store, senses, store.fill(rows), skip_bad=data.skip_bad)
     usable = rows.without(unusable.recording for unusable in skipped)
     for modality in card.modalities:

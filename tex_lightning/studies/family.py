@@ -268,7 +268,7 @@ def _timed_samples(system: System, classifier: SurfaceClassifier) -> list[dict[s
     modalities = system.config.model.modalities
     rows = read_recordings(system.config.data, modalities)
     tested = rows.without(row for row in rows if row.source not in files)
-    samples, store = make_samples(tested, modalities), open_store(system.config, classifier)
+    samples, store = make_samples(tested, modalities), open_store(system.config.data, classifier)
     timed = samples[:: ceil(len(samples) / TIMED)]
     return [load_sample(sample, store) for sample in timed]
 

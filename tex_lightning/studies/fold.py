@@ -80,7 +80,7 @@ def fit_baseline(dataset: Dataset, card: Card, parts: Split, directory: Path) ->
     seconds = time.perf_counter() - begin
     try_baseline(classifier, [load_recording(row, store) for row in rows[:2]])
     validation = make_samples(parts.val, card.modalities)
-    classifier.card = calibrated_card(classifier, validation, store, config)
+    classifier.card = calibrated_card(classifier, validation, store, config.decision, config.engine)
     classifier.save(final, seconds)
     return Trained(classifier, final, seconds)
 
