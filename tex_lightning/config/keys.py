@@ -1,6 +1,7 @@
 """Meaning, unit, choices and range of a key, and whether a value keeps to them."""
 
 import difflib
+import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
@@ -43,6 +44,16 @@ class Key:
 def plain(value: object) -> str:
     """Format a number: whole ones in full, others with six digits."""
     return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def typed(values: Any, name: str) -> str:  # noqa: ANN401
+    """Return the value of a dotted key as it is typed on the command line; "" if there is none."""
+    for part in name.split("."):
+        if not isinstance(values, dict) or part not in values:
+            return ""
+        values = values[part]
+    plainly = isinstance(values, str | float)
+    return plain(values) if plainly else json.dumps(values).replace('"', "")
 
 
 def key(

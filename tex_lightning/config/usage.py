@@ -1,6 +1,5 @@
 """The texts of ``--help`` and ``--version``: the commands and the keys."""
 
-import json
 import textwrap
 from collections.abc import Iterator, Sequence
 
@@ -9,7 +8,7 @@ from omegaconf import DictConfig, OmegaConf
 from tex_lightning import __version__
 from tex_lightning.config import CONF, TASKS, Config
 from tex_lightning.config.composition import compose_config
-from tex_lightning.config.keys import plain, walk
+from tex_lightning.config.keys import typed, walk
 from tex_lightning.config.model import FUSION, PACKAGE_SENSES
 from tex_lightning.config.search import user_folders
 
@@ -107,14 +106,14 @@ def _listing(config: DictConfig, unread: tuple[str, ...]) -> str:
     for group, options in config_groups().items():
         lines += _wrapped(" | ".join(options), f"  {group}=", "      ")
     lines += ["", "Keys and their values (change any by key=value):"]
-    before = None
+    before, values = None, OmegaConf.to_container(config, resolve=False)
     for name, key in walk(Config):
         if name.startswith(unread):
             continue
         section = name.rpartition(".")[0]
         lines += [""] * (section != before)
         before = section
-        lines.append(textwrap.shorten(f"{name}={_value(config, name)}", WIDTH, placeholder=" ..."))
+        lines.append(textwrap.shorten(f"{name}={typed(values, name)}", WIDTH, placeholder=" ..."))
         allowed = " ".join(filter(None, [" | ".join(map(str, key.choices)), key.range, key.unit]))
         lines += _wrapped(": ".join(filter(None, [key.meaning, allowed])), "    ", "    ")
     return "\n".join(lines)
@@ -122,15 +121,3 @@ def _listing(config: DictConfig, unread: tuple[str, ...]) -> str:
 
 def _wrapped(text: str, first: str, others: str) -> list[str]:
     return textwrap.wrap(text, WIDTH, initial_indent=first, subsequent_indent=others)
-
-
-def _value(config: DictConfig, name: str) -> str:
-    """A value about as it is typed on the command line."""
-    section, _, leaf = name.rpartition(".")
-    node = OmegaConf.select(config, section) if section else config
-    if OmegaConf.is_missing(node, leaf):
-        return "???"
-    value = OmegaConf.to_container(node, resolve=False)[leaf]  # type: ignore[index, call-overload]
-    if isinstance(value, str | float):
-        return plain(value)
-    return json.dumps(value).replace('"', "")
