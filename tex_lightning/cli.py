@@ -20,11 +20,10 @@ import hydra
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config import CONF, SILENT, Config, flatten, plain_values, register
-from tex_lightning.config.check import check_config, check_shares
+from tex_lightning.config.check import check_shares, checked_config
 from tex_lightning.config.composition import (
     Job,
     current_job,
-    read_config,
     run_composed,
     split_flags,
 )
@@ -252,30 +251,21 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     Raises:
         UserError: If the configuration or what it names cannot be used.
     """
+    from tex_lightning.data.own_defaults import with_defaults
     from tex_lightning.report.sweep import runs_side_by_side
 
     Screen.sweep = job.origin == "sweep"
     several = Screen.sweep and runs_side_by_side(job.hydra)
     Screen.job = f"Job {job.hydra.hydra.job.num}: " if several else ""
-    config, composed, job = settled_config(composed, job)
+    config = checked_config(composed)
+    if (settled := with_defaults(config.task, config.data, config.model, job)) is not job:
+        job, composed = settled, settled.compose(settled.overrides)
+        config = checked_config(composed)
     if config.checkpoint is not None:
         config = replace(config, checkpoint=str(find_checkpoint(config.checkpoint)))
     _set_devices(config, job)
     trust(*config.trusted, *named_classes(config.model.nodes))
-    own = is_rank_zero() and config.task not in SILENT
-    with (
-        verbosity(config.verbose),
-        finishing(),
-        locked_folder(job.directory) if own else nullcontext(),
-    ):
-        if is_rank_zero():
-            claim_folder(composed, flatten(plain_values(config)), job)
-        # a task is imported when it runs: most take Lightning, which predictions do without
-        results = import_module(f"tex_lightning.tasks.{config.task}").run(config, job)
-        if results and config.task not in SILENT:  # other ranks have none
-            from tex_lightning.report.page import write_report
-
-            write_report(job.directory)
+    results = _run_in_folder(config, composed, job)
     if config.task in TRAINING and results:
         from tex_lightning.evaluation.outcomes import optimized_value
 
@@ -283,24 +273,20 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     return None
 
 
-def settled_config(composed: DictConfig, job: Job) -> tuple[Config, DictConfig, Job]:
-    """Check a configuration, and fill in what its own recordings decide.
+def _run_in_folder(config: Config, composed: DictConfig, job: Job) -> dict[str, Any]:
+    """Run a task in its run folder, which it has for itself; return its results, if any."""
+    locked = is_rank_zero() and config.task not in SILENT
+    lock = locked_folder(job.directory) if locked else nullcontext()
+    with verbosity(config.verbose), finishing(), lock:
+        if is_rank_zero():
+            claim_folder(composed, flatten(plain_values(config)), job)
+        # a task is imported when it runs: most take Lightning, which predictions do without
+        results = import_module(f"tex_lightning.tasks.{config.task}").run(config, job) or {}
+        if results and locked:
+            from tex_lightning.report.page import write_report
 
-    Returns:
-        It, typed and as composed, and the job that asks for all of it.
-
-    Raises:
-        UserError: If a value cannot be used.
-    """
-    from tex_lightning.data.own_defaults import with_defaults
-
-    config = read_config(composed)
-    check_config(config)
-    if (settled := with_defaults(config.task, config.data, config.model, job)) is not job:
-        job, composed = settled, settled.compose(settled.overrides)
-        config = read_config(composed)
-        check_config(config)
-    return config, composed, job
+            write_report(job.directory)
+        return results
 
 
 def _set_devices(config: Config, job: Job) -> None:

@@ -8,7 +8,10 @@ complaints are made at once, before any work.
 from collections.abc import Iterator
 from operator import attrgetter
 
+from omegaconf import DictConfig
+
 from tex_lightning.config import READ_FILES, Config, ModelConfig, trunk_name
+from tex_lightning.config.composition import read_config
 from tex_lightning.config.keys import beyond, choice, walk
 from tex_lightning.config.model import CHECKPOINT
 from tex_lightning.config.tasks import TRAINING
@@ -41,6 +44,17 @@ SET_HERE = (  # flags of the Trainer
     "use_distributed_sampler",
 )  # fmt: skip
 Rule = tuple[bool, str]  # whether something is wrong, and the complaint
+
+
+def checked_config(composed: DictConfig) -> Config:
+    """Turn a composed configuration into a typed one, and check it.
+
+    Raises:
+        UserError: If a key or value cannot be used.
+    """
+    config = read_config(composed)
+    check_config(config)
+    return config
 
 
 def check_config(config: Config) -> None:

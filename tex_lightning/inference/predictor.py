@@ -13,8 +13,8 @@ from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.vote import Vote
 from tex_lightning.config import Config
-from tex_lightning.config.check import check_config
-from tex_lightning.config.composition import compose_config, read_config
+from tex_lightning.config.check import checked_config
+from tex_lightning.config.composition import compose_config
 from tex_lightning.config.instantiation import trust
 from tex_lightning.config.mistakes import MISTAKES, explain
 from tex_lightning.core.devices import pick_device, synchronise, use_tf32
@@ -65,9 +65,7 @@ def _compose(path: str | Path, overrides: tuple[str, ...]) -> Config:
     except MISTAKES as error:
         raise explain(error) from error
     composed.checkpoint = str(path)
-    config = read_config(composed)
-    check_config(config)
-    return config
+    return checked_config(composed)
 
 
 class Predictor:
