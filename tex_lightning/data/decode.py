@@ -27,7 +27,6 @@ from tex_lightning.data.traces import (
     axes_first,
     choose_channels,
     read_samples,
-    same_rate,
 )
 from tex_lightning.errors import UserError, reason
 
@@ -35,6 +34,7 @@ IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 IMAGE_FORMATS = ("JPEG", "PNG", "BMP", "TIFF", "WEBP")  # whatever a name says; EPS starts a program
 MAX_PIXELS, MAX_SIDE = 1 << 24, 1 << 12  # of a photo that is kept, after halving
 LARGEST = 1e9  # no unit of acceleration comes near; squares still fit float32
+RATE_TOLERANCE = 0.01  # by which a rate that is stated may differ from that of a column of time
 MIN_RATE, MAX_RATE = 19.0, 210_000.0  # Hz: 20 Hz to 200 kHz, by clocks that are not exact
 Array = npt.NDArray[Any]
 Trace = npt.NDArray[np.float32]
@@ -144,7 +144,7 @@ def read_trace(
     if source is None:
         assumed = SourceRate(settings.file_rate, "assumed")
         return samples, assumed if rate is None else SourceRate(rate, "stated")
-    if rate is not None and not same_rate(source.hz, rate):
+    if rate is not None and not math.isclose(source.hz, rate, rel_tol=RATE_TOLERANCE):
         raise UserError(
             f"Trace {path} has {source.hz:,.6g} Hz by its {source.source}, but {rate:,.6g} Hz by "
             "the manifest or reader; correct or remove one of them."

@@ -14,7 +14,6 @@ are missing, the others are interpolated linearly to even steps of the usual len
 """
 
 import logging
-import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -33,7 +32,6 @@ from tex_lightning.errors import UserError, reason, shorten
 Array = npt.NDArray[np.floating]
 RateSource = Literal["header", "time column", "stated", "assumed"]
 SOURCES: tuple[RateSource, ...] = get_args(RateSource)
-RATE_TOLERANCE = 0.01
 MAX_AXES = 64
 MAX_SAMPLES = 1 << 29  # of a file, 2 GiB of float32: 14 h of one axis at 10 kHz
 MAX_TEXT = 1 << 29  # bytes
@@ -105,11 +103,6 @@ def _join_axes(path: Path, parts: list[Table]) -> Table:
             "must be a single one, and all of one length and rate."
         )
     return np.concatenate([samples for samples, _ in parts]), rates.pop()
-
-
-def same_rate(one: float, other: float) -> bool:
-    """Return whether two rates in Hz may be told of one file; a column of time is never exact."""
-    return math.isclose(one, other, rel_tol=RATE_TOLERANCE)
 
 
 def axis_files(path: Path) -> tuple[Path, ...]:

@@ -210,7 +210,7 @@ class Recorder:
     def _keep(self) -> bool:
         """Write what has arrived, all signals of one length; return whether it is long enough."""
         seconds = min(self.settings.seconds, *(signal.seconds for signal in self.signals))
-        if seconds < self.settings.least_seconds:
+        if seconds < min(self.settings.least_seconds, self.settings.seconds):
             if seconds:
                 log.info("%.2f s are too short and not kept (record.least_seconds).", seconds)
             return False
