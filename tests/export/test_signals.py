@@ -49,8 +49,7 @@ def test_spectrogram(axes, options):
 
 def test_proportions():
     features = BandProportions(
-        sampling_rate=RATE, windows=[0.05, 0.3, 5], bands_per_octave=[4, 4, 6],
-        overlaps=[4, 2, 8], thresholds=3,
+        sampling_rate=RATE, windows=[0.05, 0.3, 5], bands_per_octave=[4, 4, 6], thresholds=3,
         fragment_seconds=0.8, skip_impact=True, levels=3,
     )  # fmt: skip
     trace = recording(3)

@@ -18,6 +18,7 @@ from tex_lightning.senses.features.proportions import (
     FLOOR,
     BandProportions,
     compared,
+    hop_length,
 )
 from tex_lightning.senses.features.spectrogram import (
     IMPACT_FACTOR,
@@ -198,7 +199,7 @@ class ProportionsGraph(nn.Module):
         for index in features.used:
             window = features.get_buffer(f"window{index}")
             filters = features.get_buffer(f"filters{index}").T / window.sum().square()
-            hop = features.hop_length(index)
+            hop = hop_length(features.lengths[index])
             self.powers.append(BandPower(window, hop, filters, centred=True))
 
     def forward(self, trace: Tensor) -> Heard:
@@ -211,7 +212,7 @@ class ProportionsGraph(nn.Module):
         responses = []
         for index, power in zip(features.used, self.powers, strict=True):
             bands = (power(centred) / features.level + FLOOR).log().T
-            responses.append(compared(bands, features.gaps[index], features.overlaps[index]))
+            responses.append(compared(bands, features.gaps[index]))
         frames = len(responses[features.used.index(features.longest)])
         fragments = self._fragments(samples, frames)
         return features.join(responses, trace, fragments), start

@@ -49,7 +49,7 @@ class LinearNet(nn.Module):
         strength: Strength of the ridge, as a share of the mean squared length of a row; None
             chooses it.
         shrinkage: How far the scatter of scores within classes is taken for equal in every
-            direction: what is added to each variance, as a multiple of their mean.
+            direction: the fewer rows there are for each class, the further.
 
     Example:
         >>> import torch
@@ -71,7 +71,7 @@ class LinearNet(nn.Module):
         bands: int,
         blocks: Sequence[tuple[str, int]] | None = None,
         strength: float | None = None,
-        shrinkage: float = 3.0,
+        shrinkage: float = 30.0,
     ) -> None:
         super().__init__()
         self.classes, self.strength, self.shrinkage = classes, strength, shrinkage
@@ -140,7 +140,9 @@ class LinearNet(nn.Module):
         problem = _Ridge(rows, labels, self.classes)
         weight = problem.solve(kept, strength)
         offset = problem.share - problem.centre @ weight
-        turn, shift = discriminants(rows @ weight + offset, labels, self.shrinkage)
+        freedom = max(1, len(rows) - self.classes)  # with which the scatter is known
+        shrinkage = self.shrinkage * self.classes / freedom
+        turn, shift = discriminants(rows @ weight + offset, labels, shrinkage)
         scores = list(SHARPNESS * (held_out @ turn + shift)[:, :, None])
         sharpness = SHARPNESS / fit_temperature(scores, labels[some].tolist())
         weight[levels] = whitening @ weight[levels]

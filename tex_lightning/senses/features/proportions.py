@@ -20,9 +20,11 @@ from tex_lightning.senses.features.spectrogram import (
     triangles,
 )
 
+OVERLAP = 4  # frames that every sample is in
+LONGEST_ODD = 1024  # samples; transforms of more are fast if they can be halved
 MIN_SAMPLES = 8  # of a window; at a slow rate the short ones are left out
 WINDOWS_IN_RECORDING = 4  # at least, of the shortest training recording; fewer give no proportion
-LIMITS = {"windows": 16, "bands_per_octave": 48, "overlaps": 16, "thresholds": 64, "levels": 64}
+LIMITS = {"windows": 16, "bands_per_octave": 48, "thresholds": 64, "levels": 64}
 KEPT = 2000  # frames of a recording, at most, that thresholds are learnt from
 FLOOR = 1e-7  # of the mean power of the training set; below it the logarithm is flat
 QUIET = 1e-3  # of a channel's usual deviation, likewise
@@ -53,7 +55,6 @@ class BandProportions(nn.Module):
             of fewer than eight samples at this rate are left out, and so are those that are longer
             than a quarter of the shortest training recording, but for the shortest.
         bands_per_octave: How finely frequency is divided, for each window.
-        overlaps: Frames that every sample is in, for each window.
         thresholds: Number of thresholds for each band.
         fragment_seconds: Approximate length of a fragment; a movement is cut into equal ones.
         skip_impact: Leave out the part before steady movement.
@@ -78,34 +79,29 @@ class BandProportions(nn.Module):
         sampling_rate: float,
         windows: Sequence[float],
         bands_per_octave: Sequence[int],
-        overlaps: Sequence[int],
         thresholds: int,
         fragment_seconds: float,
         skip_impact: bool,
         levels: int | None = None,
     ) -> None:
         super().__init__()
-        numbers = (
-            len(windows), max(bands_per_octave), max(overlaps), thresholds, levels or 1
-        )  # fmt: skip
+        numbers = (len(windows), max(bands_per_octave), thresholds, levels or 1)
         for (name, most), number in zip(LIMITS.items(), numbers, strict=True):
             if not 1 <= number <= most:
                 raise UserError(f"features.{name}: give 1 to {most}, not {number}.")
-        if not len(windows) == len(bands_per_octave) == len(overlaps):
+        if len(windows) != len(bands_per_octave):
             raise UserError(
-                "features.bands_per_octave and features.overlaps: give a number for each of "
-                "features.windows."
+                "features.bands_per_octave: give a number for each of features.windows."
             )
         if not fragment_seconds > 0:
             raise UserError("features.fragment_seconds has to be more than 0 s.")
         self.sampling_rate, self.skip_impact = sampling_rate, skip_impact
         self.fragment_seconds, self.levels = fragment_seconds, levels or 0
         self.lengths: list[int] = []
-        self.overlaps: list[int] = []
         self.gaps: list[int] = []
         self.blocks: list[tuple[str, int]] = []
-        for seconds, bands, overlap in zip(windows, bands_per_octave, overlaps, strict=True):
-            self._add_window(seconds, bands, overlap, thresholds)
+        for seconds, per_octave in zip(windows, bands_per_octave, strict=True):
+            self._add_window(seconds, per_octave, thresholds)
         if not self.lengths:
             raise UserError(
                 f"No window of {MIN_SAMPLES} samples at {sampling_rate:g} Hz has a band; choose "
@@ -118,14 +114,15 @@ class BandProportions(nn.Module):
         self.register_buffer("positive", torch.zeros(self.levels, dtype=torch.bool))
         self.register_buffer("deviation", torch.ones(self.levels))
 
-    def _add_window(self, seconds: float, per_octave: int, overlap: int, thresholds: int) -> None:
+    def _add_window(self, seconds: float, per_octave: int, thresholds: int) -> None:
         """Add buffers and blocks of one window, if it has enough samples."""
         exact = min(seconds * self.sampling_rate, 1e9)
-        length = 2 * scipy.fft.next_fast_len(max(1, round(exact / 2)))
+        even = 2 ** max(0, math.ceil(math.log2(max(1, exact) / LONGEST_ODD)))
+        length = even * scipy.fft.next_fast_len(max(2, round(exact / even)))
         gap = max(1, per_octave // 3)
         if length < MIN_SAMPLES:
             return
-        check_window(length, max(1, round(length / overlap)), self.sampling_rate)
+        check_window(length, hop_length(length), self.sampling_rate)
         filters = octave_filters(self.sampling_rate, length, per_octave)
         bands = len(filters)
         if bands <= gap:
@@ -135,7 +132,6 @@ class BandProportions(nn.Module):
         self.register_buffer(f"filters{index}", filters.T.contiguous(), persistent=False)
         self.register_buffer(f"thresholds{index}", torch.zeros(thresholds, 4 * bands - gap))
         self.lengths.append(length)
-        self.overlaps.append(overlap)
         self.gaps.append(gap)
         sizes = (SHAPE, bands), (SHAPE, bands - gap), (SHAPE, bands), (POWER, bands)
         self.blocks += [(kind, size * thresholds) for kind, size in sizes]
@@ -155,10 +151,6 @@ class BandProportions(nn.Module):
     def min_samples(self) -> int:
         """Samples of movement that a recording has to have."""
         return self.lengths[self.longest]
-
-    def hop_length(self, index: int) -> int:
-        """Return the samples between the starts of the frames of a window."""
-        return max(1, round(self.lengths[index] / self.overlaps[index]))
 
     def movement(self, trace: Tensor) -> Tensor:
         """Return the steady movement (axes, samples) of a trace.
@@ -185,12 +177,12 @@ class BandProportions(nn.Module):
         """
         length, gap = self.lengths[index], self.gaps[index]
         window, filters = self.get_buffer(f"window{index}"), self.get_buffer(f"filters{index}")
-        frames = movement.unfold(-1, length, self.hop_length(index))
+        frames = movement.unfold(-1, length, hop_length(length))
         frames = (frames - frames.mean(dim=-1, keepdim=True)).mul_(window)
         squares = torch.view_as_real(torch.fft.rfft(frames)).square_()
         power = (squares[..., 0] + squares[..., 1]).sum(dim=0) @ filters / window.sum().square()
         bands = (power / self.level).add_(FLOOR).log_()
-        return compared(bands, gap, self.overlaps[index])
+        return compared(bands, gap)
 
     def learn(self, traces: Iterable[Tensor]) -> None:
         """Take level, thresholds, and which windows fit, from the training set.
@@ -270,13 +262,18 @@ class BandProportions(nn.Module):
         return torch.cat((level, (square.sqrt() / self.deviation[:, None] + QUIET).log()))
 
 
-def compared(bands: Tensor, gap: int, overlap: int) -> Tensor:
+def hop_length(length: int) -> int:
+    """Return the samples between the starts of frames of so many samples."""
+    return max(1, round(length / OVERLAP))
+
+
+def compared(bands: Tensor, gap: int) -> Tensor:
     """Return log bands (frames, bands) in the four comparisons, side by side.
 
     With the mean of the frame, with the band ``gap`` below, with the same band one window earlier
     (the first frames with the first), and as they are.
     """
-    earlier = torch.cat((bands[:1].expand(overlap, -1), bands))[: len(bands)]
+    earlier = torch.cat((bands[:1].expand(OVERLAP, -1), bands))[: len(bands)]
     relative, steps = bands - bands.mean(dim=1, keepdim=True), bands[:, gap:] - bands[:, :-gap]
     return torch.cat((relative, steps, bands - earlier, bands), dim=1)
 
