@@ -25,7 +25,7 @@ LONGEST_ODD = 1024  # samples; transforms of more are fast if they can be halved
 MIN_SAMPLES = 8  # of a window; at a slow rate the short ones are left out
 WINDOWS_IN_RECORDING = 4  # at least, of the shortest training recording; fewer give no proportion
 LIMITS = {"windows": 16, "bands_per_octave": 48, "thresholds": 64, "levels": 64}
-KEPT = 2000  # frames of a recording, at most, that thresholds are learnt from
+KEPT = 50_000  # frames, about, that thresholds are learnt from: enough for quantiles
 FLOOR = 1e-7  # of the mean power of the training set; below it the logarithm is flat
 QUIET = 1e-3  # of a channel's usual deviation, likewise
 SHAPE, POWER, LEVEL = "shape", "power", "level"
@@ -199,7 +199,10 @@ class BandProportions(nn.Module):
         level = torch.stack(powers).mean()
         self.level.copy_(level if level > 0 else torch.ones_like(level))
         for index in self.used:
-            responses = [_thinned(self.responses(movement, index)) for movement in movements]
+            responses = [
+                _thinned(self.responses(movement, index), KEPT // len(movements))
+                for movement in movements
+            ]
             ordered = torch.cat(responses).sort(dim=0).values
             thresholds = self.get_buffer(f"thresholds{index}")
             count = len(thresholds)
@@ -329,5 +332,6 @@ def octave_filters(sampling_rate: float, samples: int, per_octave: int) -> Tenso
     return mean_filters(heights)
 
 
-def _thinned(responses: Tensor) -> Tensor:
-    return responses[:: math.ceil(len(responses) / KEPT)]
+def _thinned(responses: Tensor, kept: int) -> Tensor:
+    """Return at most so many rows at equal distances, and at least one."""
+    return responses[:: math.ceil(len(responses) / max(1, kept))]
