@@ -1,15 +1,7 @@
 """A terminal that exists in memory only, and programs that run in one."""
 
-import fcntl
 import io
-import os
-import pty
 import re
-import select
-import struct
-import termios
-from collections.abc import Sequence
-from dataclasses import dataclass
 
 import pyte
 
@@ -62,42 +54,3 @@ class Screen(io.StringIO):
     def widest(self) -> int:
         """Columns of the longest line that was written."""
         return max(len(SEQUENCE.sub("", row)) for row in re.split("[\r\n]+", self.raw))
-
-
-@dataclass
-class Session:
-    """A program that has ended, and what its terminal has shown.
-
-    Attributes:
-        screen: At the end.
-        status: It ended with this.
-    """
-
-    screen: Screen
-    status: int
-
-
-def run_in_terminal(
-    command: Sequence[str], columns: int, rows: int, interrupt_at: str | None = None, **env: str
-) -> Session:
-    """Run a program in a pseudo-terminal; Ctrl-C is pressed when a text is on the screen."""
-    screen = Screen(columns, rows)
-    pid, terminal = pty.fork()
-    if pid == 0:  # the child
-        fcntl.ioctl(0, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
-        os.execvpe(command[0], command, {**os.environ, "TERM": "xterm-256color", **env})
-    while True:
-        readable, _, _ = select.select([terminal], [], [], MOMENT)
-        try:
-            content = os.read(terminal, 1 << 16) if readable else None
-        except OSError:  # Linux says so of an end
-            break
-        if content == b"":
-            break
-        if content:
-            screen.write(content.decode(errors="replace"))
-        if interrupt_at is not None and interrupt_at in screen.text:
-            os.write(terminal, b"\x03")
-            interrupt_at = None
-    os.close(terminal)
-    return Session(screen, os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))

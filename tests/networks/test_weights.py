@@ -1,4 +1,4 @@
-"""Files of weights that cannot be used, and the size of the features of those that can."""
+"""Files of published weights: those of Caffe by Google's protobuf, and those that are refused."""
 
 from pathlib import Path
 
@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import torch
 from conftest import visualnet as make
+from scipy.signal import correlate
 
 from tex_lightning.errors import UserError
-from tex_lightning.networks.weights import load_trunk_weights
+from tex_lightning.networks.weights import caffe_network, load_trunk_weights, read_caffemodel
 
 ALEXNET = {
     "conv1": (96, 3, 11, 11),
@@ -18,19 +19,52 @@ ALEXNET = {
     "conv5": (256, 192, 3, 3),
     "fc8": (10, 20),
 }
+CONV1 = {"conv1": (96, 3, 11, 11)}
 
 
 def fabricate(shapes):
-    generator = torch.Generator().manual_seed(0)
-    state = {}
-    for name, shape in shapes.items():
-        state[f"{name}.weight"] = 0.05 * torch.randn(shape, generator=generator)
-        state[f"{name}.bias"] = torch.randn(shape[0], generator=generator)
-    return state
+    """Weights and bias of every layer."""
+    rng = np.random.default_rng(0)
+    return {
+        name: (
+            (0.05 * rng.standard_normal(shape)).astype(np.float32),
+            rng.standard_normal(shape[0]).astype(np.float32),
+        )
+        for name, shape in shapes.items()
+    }
 
 
-def save_npz(path, state):
-    np.savez(path, **{name: value.numpy() for name, value in state.items()})
+def write_caffemodel(path, arrays, form="layers"):
+    net = caffe_network()()
+    for name, pair in arrays.items():
+        old = form != "layer"
+        layer = net.layers.add(name=name) if old else net.layer.add(name=name)
+        for array in pair:
+            blob = layer.blobs.add()
+            if old:
+                shape = (1,) * (4 - array.ndim) + array.shape
+                blob.num, blob.channels, blob.height, blob.width = shape
+            else:
+                blob.shape.dim.extend(array.shape)
+            (blob.double_data if form == "double" else blob.data).extend(array.ravel().tolist())
+    path.write_bytes(net.SerializeToString())
+    return path
+
+
+def named(arrays):
+    pairs = {name: zip(("weight", "bias"), pair, strict=True) for name, pair in arrays.items()}
+    return {f"{name}.{kind}": array for name, pair in pairs.items() for kind, array in pair}
+
+
+def save(path, arrays):
+    """Write a file of weights in the format of its suffix."""
+    match path.suffix:
+        case ".npz":
+            np.savez(path, **named(arrays))
+        case ".pth":
+            torch.save({key: torch.from_numpy(x) for key, x in named(arrays).items()}, path)
+        case ".caffemodel":
+            write_caffemodel(path, arrays)
     return path
 
 
@@ -38,14 +72,69 @@ def visualnet(trunk="alexnet_caffe", norm="none", **options):
     return make(3, trunk=trunk, norm=norm, **options).eval()
 
 
-def test_features_are_divided_by_one_number(tmp_path):
-    state, net = fabricate(ALEXNET), visualnet()
-    path = save_npz(tmp_path / "weights.npz", state)
+def assert_conv1(net, planes, weight, bias, photo):
+    """Compare conv1 on the photo with SciPy's correlation of ``planes``, as the file means it."""
+    mean, sd = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
+    scaled = torch.from_numpy((photo / 255 - mean[:, None, None]) / sd[:, None, None])
+    with torch.no_grad():
+        found = net.trunk.layers.conv1[0](scaled[None].float())[0].numpy()
+    for out in (0, 17, 95):
+        expected = correlate(planes, weight[out], "valid")[0, ::4, ::4] + bias[out]
+        assert found[out].shape == expected.shape
+        assert np.abs(found[out] - expected).max() < 1e-4 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("form", ["layers", "layer", "double"])
+def test_every_form_of_caffes_format_is_read(tmp_path, form):
+    arrays = fabricate({"conv1": (6, 3, 2, 2), "fire2/squeeze": (4, 6, 1, 1)})
+    path = write_caffemodel(tmp_path / "a.caffemodel", arrays, form)
+    found, expected = read_caffemodel(path, arrays), named(arrays)
+    assert found.keys() == expected.keys()
+    for name, array in expected.items():
+        np.testing.assert_array_equal(found[name], array)
+    assert read_caffemodel(path, ["conv1"]).keys() == {"conv1.weight", "conv1.bias"}
+
+
+def test_the_fields_are_those_of_caffes_own_files(tmp_path):
+    """Tags of the wire format, (number << 3 | type): a layer 100 and its name 1 and blob 7."""
+    floats = np.float32([1, 2, 3]).tobytes()
+    blob = b"\x2a\x0c" + floats + b"\x3a\x03\x0a\x01\x03"
+    layer = b"\x0a\x05conv1" + b"\x12\x04Conv" + b"\x3a" + bytes([len(blob)]) + blob
+    (tmp_path / "a.caffemodel").write_bytes(b"\x0a\x03Net\xa2\x06" + bytes([len(layer)]) + layer)
+    found = read_caffemodel(tmp_path / "a.caffemodel", ["conv1"])
+    np.testing.assert_array_equal(found["conv1.weight"], [1, 2, 3])
+
+
+@pytest.mark.parametrize("trunk", ["alexnet_caffe", "tcnn"])
+def test_caffemodel_gives_caffes_conv1_and_the_other_layers_as_they_are(tmp_path, trunk):
+    arrays = fabricate(ALEXNET)
+    path = write_caffemodel(tmp_path / "a.caffemodel", arrays)
+    net = visualnet(trunk, norm="lrn")
+    convolutions = 3 if trunk == "tcnn" else 5
     message = load_trunk_weights(net.trunk, path)
-    assert message == f"alexnet_caffe trunk from {path} (caffe layout, 10 tensors)"
-    loaded = net.trunk.state_dict()
-    assert torch.equal(loaded["layers.conv2.0.weight"], state["conv2.weight"])
-    last = loaded["layers.conv5.0.weight"] / state["conv5.weight"]
+    assert message == f"{trunk} trunk from {path} (caffe layout, {2 * convolutions} tensors)"
+    photo = np.random.default_rng(1).integers(0, 256, (3, 47, 47)).astype(np.float64)  # RGB
+    bgr = photo[::-1] - np.array([104.0, 117.0, 123.0])[:, None, None]
+    assert_conv1(net, bgr, *arrays["conv1"], photo)
+    weight = net.trunk.layers.conv2[0].weight.detach().numpy()
+    np.testing.assert_array_equal(weight, arrays["conv2"][0])
+
+
+def test_vgg_m_normalises_as_its_files_say():
+    """MatConvNet's parameters [5 2 1e-4 0.75]: x_i / (2 + 1e-4 sum of 5 squares)^0.75."""
+    x = 100 * np.random.default_rng(0).standard_normal((96, 3, 3))
+    layer = visualnet("vgg_m", norm="lrn").trunk.layers.pool1[0]
+    found = layer(torch.from_numpy(x[None]))[0].numpy()
+    for channel in (0, 1, 40, 95):
+        near = x[max(0, channel - 2) : channel + 3]
+        expected = x[channel] / (2 + 1e-4 * (near**2).sum(0)) ** 0.75
+        np.testing.assert_allclose(found[channel], expected, rtol=1e-6)
+
+
+def test_features_are_divided_by_one_number(tmp_path):
+    arrays, net = fabricate(ALEXNET), visualnet()
+    load_trunk_weights(net.trunk, save(tmp_path / "weights.npz", arrays))
+    last = net.trunk.state_dict()["layers.conv5.0.weight"] / torch.from_numpy(arrays["conv5"][0])
     torch.testing.assert_close(last, last.flatten()[0].expand_as(last))
     noise = torch.randn(1, 3, 224, 224, generator=torch.Generator().manual_seed(1))
     assert 0.5 < net.trunk(noise).square().mean().sqrt() < 2
@@ -71,36 +160,35 @@ def test_what_is_no_file_of_this_trunk_is_refused(tmp_path):
     refused(visualnet(norm="batch"), "imagenet", "norm=batch")
 
 
-@pytest.mark.parametrize("suffix", [".npz", ".pth"])
-@pytest.mark.parametrize("kept", [0.0, 0.5, 0.999])
-def test_truncated_file(tmp_path, suffix, kept):
-    path = tmp_path / f"weights{suffix}"
-    state = fabricate({"conv1": (96, 3, 11, 11)})
-    save_npz(path, state) if suffix == ".npz" else torch.save(state, path)
+@pytest.mark.parametrize("suffix", [".npz", ".pth", ".caffemodel"])
+def test_truncated_files_and_files_of_something_else(tmp_path, suffix):
+    net = visualnet("efficientnet_lite0" if suffix == ".pth" else "alexnet_caffe")
+    path = save(tmp_path / f"weights{suffix}", fabricate(CONV1))
     content = path.read_bytes()
-    path.write_bytes(content[: int(kept * len(content))])
-    net = visualnet("alexnet_caffe" if suffix == ".npz" else "efficientnet_lite0")
-    refused(net, path, str(path), "cannot be read")
+    parts = [content[: int(kept * len(content))] for kept in (0.0, 0.5, 0.999)]
+    for wrong in (*parts, b"<html>not found</html>", bytes(range(256)) * 9, b"\x80" * 99):
+        path.write_bytes(wrong)
+        refused(net, path, str(path), "cannot be read")
 
 
 @pytest.mark.parametrize("content", [{"_conv_stem.weight": Path("/")}, [1, 2]])
 def test_what_is_no_state_dict_is_refused_and_not_run(tmp_path, content):
-    path = tmp_path / "weights.pth"
-    torch.save(content, path)
-    refused(visualnet("efficientnet_lite0"), path, "cannot be read")
+    torch.save(content, tmp_path / "weights.pth")
+    refused(visualnet("efficientnet_lite0"), tmp_path / "weights.pth", "cannot be read")
 
 
 def test_weights_of_another_network(tmp_path):
-    state = fabricate(ALEXNET)
-    path = save_npz(tmp_path / "alexnet.npz", state)
+    arrays = fabricate(ALEXNET)
+    path = save(tmp_path / "alexnet.npz", arrays)
     refused(visualnet("vgg_m"), path, "conv1.weight", "(96, 3, 11, 11)", "(96, 3, 7, 7)")
-    del state["conv4.bias"]
-    refused(visualnet(), save_npz(path, state), "has no conv4.bias", "alexnet_caffe")
+    np.savez(path, **{name: x for name, x in named(arrays).items() if name != "conv4.bias"})
+    refused(visualnet(), path, "has no conv4.bias", "alexnet_caffe")
 
 
 @pytest.mark.parametrize("value", [3e38, float("nan"), float("inf")])
 def test_numbers_must_be_finite_and_not_overflow(tmp_path, value):
-    state = fabricate(ALEXNET)
-    state["conv3.bias"][7] = value
-    path = save_npz(tmp_path / "alexnet.npz", state)
-    refused(visualnet("tcnn"), path, "conv3.bias", "is not finite, or huge")
+    arrays = fabricate(ALEXNET)
+    arrays["conv3"][1][7] = value
+    refused(
+        visualnet("tcnn"), save(tmp_path / "a.npz", arrays), "conv3.bias", "not finite, or huge"
+    )

@@ -5,7 +5,7 @@ from copy import deepcopy
 import numpy as np
 import pytest
 import torch
-from conftest import make_card, make_photo
+from conftest import make_card
 from PIL import Image
 from torch import nn
 
@@ -43,15 +43,6 @@ def pixels(part: torch.Tensor) -> torch.Tensor:
     return ((part / 255 - torch.tensor(MEAN)) / torch.tensor(STD)).permute(2, 0, 1)[None]
 
 
-@pytest.mark.parametrize("tile", [224 * 224, 90_000, 10**9])
-@torch.no_grad()
-def test_positions_in_pieces_are_those_of_the_whole(sense, tile):
-    large = photo(610, 540)
-    whole = sense.positions(large, "fc3")
-    found = changed(sense, tile=tile).positions(large, "fc3")
-    torch.testing.assert_close(found, whole, atol=1e-5, rtol=0)
-
-
 @pytest.mark.parametrize(
     ("decoder", "remedy"),
     [
@@ -78,31 +69,6 @@ def test_a_bank_is_cut_into_turned_crops(sense, tmp_path):
     expected = torch.cat([pixels(crop.permute(1, 2, 0)) for crop in pieces["crop"]])
     found = sense.training_input(pieces, 224)
     torch.testing.assert_close(found, expected, atol=1e-3, rtol=0)
-
-
-@pytest.mark.parametrize("half", [False, True])
-def test_files_and_pixels_are_received_alike(sense, tmp_path, half):
-    sense = changed(sense, decoder=PhotoDecoder(half_scale=half))
-    rgb = make_photo(1, 0) // np.array([1, 2, 3], np.uint8)
-    Image.fromarray(rgb).save(tmp_path / "p.png")
-    side = 120 if half else 240
-    given = [
-        (tmp_path / "p.png", {}),
-        (str(tmp_path / "p.png"), {"fast": True}),
-        (rgb, {}),
-        (torch.from_numpy(rgb), {"rate": 5.0}),  # which photos do not have
-        (rgb[..., ::-1], {"colour": "bgr"}),
-    ]
-    first = sense.decode_input(*given[0][:1], {})[0]
-    assert first.shape == (side, side, 3)
-    for what, how in given:
-        found, quality = sense.decode_input(what, {}, **how)
-        assert torch.equal(found, first)
-        assert quality.warnings == ()
-    _, quality = sense.decode_input(rgb * 0, {})
-    assert quality.empty
-    with pytest.raises(UserError, match="give uint8 pixels"):
-        sense.decode_input(rgb / 255, {})
 
 
 class Stripes(nn.Module):

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-import soundfile
 import torch
-from conftest import make_card, make_trace
+from conftest import make_card
 from torch import nn
 
 from tex_lightning.classifier.card import Card
@@ -97,25 +96,6 @@ def test_spectrograms_are_normalised_by_the_training_set(surfaces, tmp_path):
     torch.testing.assert_close(frames.mean(dim=1), torch.zeros(50), atol=1e-3, rtol=0)
     whole = sense(torch.from_numpy(np.array(store.load(rows[2]))))[0]
     torch.testing.assert_close(bank.inputs[2], whole)
-
-
-def test_files_and_arrays_are_received_alike(tmp_path):
-    sense, trace = own(), make_trace(0, 0)[:4000]
-    soundfile.write(tmp_path / "t.wav", trace, 2000, subtype="FLOAT")
-    np.save(tmp_path / "t.npy", trace)
-    found = [
-        sense.decode_input(given, {}, rate=2000.0)[0]
-        for given in (tmp_path / "t.wav", str(tmp_path / "t.npy"), trace, torch.from_numpy(trace))
-    ]
-    for each in found:
-        assert each.shape == (1, 2000)
-        torch.testing.assert_close(each, found[0])
-    assert sense.decode_input(trace, {})[0].shape == (1, 4000)  # at the rate of the sense
-    _, quality = sense.decode_input(np.zeros(900), {})
-    assert quality.empty
-    assert quality.warnings[0].startswith("The force recording is silent")
-    with pytest.raises(UserError, match="rate is -1"):
-        sense.decode_input(trace, {}, rate=-1.0)
 
 
 def test_a_card_makes_it_and_a_classifier_votes():

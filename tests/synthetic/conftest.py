@@ -6,12 +6,7 @@ from tex_lightning.synthetic.materials import make_materials
 from tex_lightning.synthetic.specimen import Specimen
 
 
-@cache
-def _specimen(index):
-    return Specimen(make_materials(6, 0)[index])
-
-
 @pytest.fixture(scope="session")
 def specimen():
     """Give class 0 to 5 of seed 0, made up once for the whole session."""
-    return _specimen
+    return cache(lambda index: Specimen(make_materials(6, 0)[index]))
