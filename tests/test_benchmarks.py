@@ -12,44 +12,11 @@ from tex_lightning.data.recordings import Recording
 from tex_lightning.errors import UserError
 
 
-class Module:
-    """Stands for a benchmark."""
-
-    def __init__(self, figures):
-        self.figures = figures
-
-    def measure(self, **options):
-        return {**self.figures, **options}
-
-
-@pytest.fixture
-def measured(tmp_path, monkeypatch):
-    def run(figures):
-        monkeypatch.setattr(_run, "RESULTS", tmp_path)
-        monkeypatch.setattr(_run, "import_module", lambda name: Module(figures))
-        return _run.run_one("example")
-
-    return run
-
-
 def test_every_module_but_the_runner_is_a_benchmark(capsys):
     assert "peers" in runner.names()
     assert not any(name.startswith("_") for name in runner.names())
     assert runner.main(["speeed"]) == 2
     assert "There is no benchmark speeed; choose from" in capsys.readouterr().out
-
-
-def test_figures_are_kept_with_machine_and_versions(measured, tmp_path):
-    measured({"a_ms": 2.0})
-    kept = json.loads((tmp_path / "example.json").read_text())
-    assert kept["figures"] == {"a_ms": 2.0}
-    assert kept["environment"]["versions"]["torch"]
-    assert kept["date"]
-
-
-def test_the_table_has_ratios_first_and_flattens_what_is_nested(measured):
-    result = measured({"a_ms": 2.0, "part": {"gain_ratio": 3.14159, "list": [1]}, "ok": True})
-    assert runner.rows(result) == [("part.gain_ratio", "3.142"), ("a_ms", "2"), ("ok", "True")]
 
 
 TABLE = """

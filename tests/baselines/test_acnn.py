@@ -1,7 +1,6 @@
 """The network on raw traces: dense evaluation, first filters, settings."""
 
 import numpy as np
-import pytest
 import torch
 
 from tex_lightning.baselines.acnn import (
@@ -12,7 +11,6 @@ from tex_lightning.baselines.acnn import (
     learn_filters,
     make_network,
 )
-from tex_lightning.errors import UserError
 
 
 def test_dense_scores_are_those_of_single_fragments():
@@ -45,8 +43,3 @@ def test_filters_follow_the_frequency_of_the_traces():
     filters = learn_filters([torch.sin(2 * np.pi * 625 * time)], 64, 8, 500, 0.05)
     power = torch.fft.rfft(filters).abs().square().sum(dim=0)
     assert power[4] > 0.8 * power.sum()  # 625 Hz in steps of 156.25
-
-
-def test_too_short_a_fragment_is_refused(configured):
-    with pytest.raises(UserError, match="fragment_seconds"):
-        _ = configured("acnn", fragment_seconds=0.01).width

@@ -1,4 +1,4 @@
-"""Fisher vectors against scikit-image, and FV-CNN on trunks of random weights."""
+"""Baselines on photos: Fisher vectors against scikit-image, local binary patterns by hand."""
 
 import numpy as np
 import pytest
@@ -9,11 +9,12 @@ from sklearn.mixture import GaussianMixture
 from sklearn.svm import SVC
 
 from tex_lightning.baselines.fisher import FisherVectors, fisher_vector, fit_planes
+from tex_lightning.baselines.patterns import CODES, LocalBinaryPatterns
 
 
-def baseline(trunk="alexnet_caffe", scales=(0.0,), **changes):
-    settings = {"components": 3, "photos": 4, "descriptors": 40, "cost": 1.0, "max_side": 1024}
-    return FisherVectors(trunk=trunk, scales=list(scales), **{**settings, **changes})
+def baseline(scales=(0.0,), max_side=1024):
+    settings = {"components": 3, "photos": 4, "descriptors": 40, "cost": 1.0, "max_side": max_side}
+    return FisherVectors(trunk="alexnet_caffe", scales=list(scales), **settings)
 
 
 @pytest.fixture
@@ -51,17 +52,16 @@ def test_planes_are_linear_machines_with_calibrated_scores():
         assert np.corrcoef(distances, scores[:, label])[0, 1] > 0.9999
 
 
-@pytest.mark.parametrize(("trunk", "channels"), [("alexnet_caffe", 256)])
 @torch.inference_mode()
-def test_features_are_the_last_convolution_before_relu(trunk, channels):
-    system = baseline(trunk)
+def test_features_are_the_last_convolution_before_relu():
+    system = baseline()
     system.require_weights(0)
     photo = make_photo(0, 0, 64)
     features = system.features(photo)
     image = system.pixels(torch.from_numpy(photo).permute(2, 0, 1)[None])
     layers = system.network.layers
     expected = layers[: list(dict(layers.named_children())).index("conv5") + 1](image)
-    assert features.shape[1] == channels
+    assert features.shape[1] == 256
     assert features.min() < 0
     torch.testing.assert_close(features.T.relu(), expected[0].flatten(1))
 
@@ -91,7 +91,25 @@ def test_state_round_trip_and_labels():
 def test_command_line(cli, surfaces, tmp_path):
     outcome = cli(
         "model=alexnet_fv", "data=folder", f"data.root={surfaces}", "data.half_scale=false",
-        "debug=tiny", f"hydra.run.dir={tmp_path}", "model.baseline.max_side=100",
+        "debug=tiny", "data.classes=2", f"hydra.run.dir={tmp_path}", "model.baseline.max_side=100",
     )  # fmt: skip
     assert outcome.status == 0, outcome.err
     assert "random weights" in outcome.err
+
+
+def test_quarter_turns_change_nothing():
+    system = LocalBinaryPatterns(radii=[1, 2, 4], strength=1.0)
+    photo = make_photo(0, 0, 120)
+    for turns in (1, 2, 3):
+        turned = np.ascontiguousarray(np.rot90(photo, turns))
+        np.testing.assert_allclose(system.features(turned), system.features(photo), atol=2e-3)
+
+
+def test_a_bright_dot_by_hand():
+    """Around a dot every pattern is of the eight that see it, or sees no lower neighbour."""
+    photo = np.full((9, 9, 3), 100, dtype=np.uint8)
+    photo[4, 4] = 200
+    shares = LocalBinaryPatterns(radii=[1], strength=1.0).features(photo)
+    assert shares.shape == (CODES,)
+    assert shares.sum() == pytest.approx(1)
+    assert shares[0] == pytest.approx(1 / 49)  # the dot, all of whose neighbours are darker

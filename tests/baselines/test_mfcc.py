@@ -1,9 +1,12 @@
-"""Cepstral coefficients and filters against their definition, and against librosa."""
+"""Cepstral coefficients, mixtures and naive Bayes against their definitions written out."""
 
 import numpy as np
 import pytest
+import torch
+from conftest import make_trace
 from scipy.fft import dct
 from scipy.signal import get_window
+from scipy.stats import norm
 
 from tex_lightning.baselines.mfcc import Cepstra, filter_edges
 from tex_lightning.errors import UserError
@@ -48,14 +51,39 @@ def test_decreasing_filters_are_the_mel_filters_mirrored():
     np.testing.assert_allclose(np.diff(decreasing), np.diff(mel)[::-1])
 
 
-@pytest.mark.parametrize(
-    "changes", [{"first": 0}, {"last": 21}, {"hop_seconds": 0.001}, {"hop_seconds": 0.0}]
-)
+@pytest.mark.parametrize("changes", [{"first": 0}, {"last": 21}, {"hop_seconds": 0.001}])
 def test_what_has_no_coefficients_or_takes_too_much_memory_is_refused(changes):
     with pytest.raises(UserError, match="window_seconds up to 20 times hop_seconds"):
         make_cepstra(**changes).check()
-
-
-def test_filters_beyond_half_the_rate_are_refused():
     with pytest.raises(UserError, match="half the sampling rate"):
         make_cepstra().coefficients(np.zeros(1000), 2000)
+
+
+LABELS = np.repeat(np.arange(3), 4)
+TRACES = [make_trace(kind, index, 0.6) for kind in range(3) for index in range(4)]
+
+
+def test_one_component_is_a_gaussian_of_all_frames_of_a_class(configured):
+    baseline = configured("mfcc_gmm", components=1)
+    baseline.fit(TRACES, LABELS, seed=0)
+    frames = [baseline.coefficients(trace, 10_000) for trace in TRACES]
+    expected = []
+    for kind in range(3):
+        own = np.concatenate(frames[4 * kind : 4 * kind + 4])
+        deviation = np.sqrt(own.var(axis=0) + baseline.min_variance)
+        expected.append(norm.logpdf(frames[2], own.mean(axis=0), deviation).sum())
+    np.testing.assert_allclose(baseline.logits(TRACES[2])[:, 0], expected, rtol=1e-6)
+    assert baseline.count_parameters() == 3 * (1 + 13 + 13)
+
+
+def test_naive_bayes_is_a_gaussian_of_the_means_of_a_class(configured):
+    baseline = configured("mfcc_nb")
+    baseline.fit(TRACES, LABELS, seed=0)
+    means = np.stack([baseline.features(trace) for trace in TRACES])
+    own = means.reshape(3, 4, 13)
+    smoothing = 1e-9 * means.var(axis=0).max()
+    deviation = np.sqrt(own.var(axis=1) + smoothing)
+    density = norm.logpdf(means[7], own.mean(axis=1), deviation).sum(axis=1)
+    scores = torch.log_softmax(torch.from_numpy(density), dim=0)
+    scores = scores.clamp(min=np.log(np.finfo(np.float64).tiny))
+    torch.testing.assert_close(baseline.logits(TRACES[7])[:, 0], scores)

@@ -1,6 +1,4 @@
-"""What every haptic baseline promises: fit, save, load, unequal lengths, command line."""
-
-import json
+"""What every haptic baseline promises: fit, save, load, unequal lengths."""
 
 import numpy as np
 import pytest
@@ -62,24 +60,6 @@ def test_fitting_again_gives_the_same_and_leaves_the_generator_alone(fitted, con
     torch.testing.assert_close(again.logits(traces[1]), baseline.logits(traces[1]))
     assert torch.equal(torch.get_rng_state(), before)
     assert torch.get_num_threads() == threads
-
-
-def test_command_line(surfaces, cli, tmp_path):
-    name = "mfcc_gmm"
-    changes = [f"model.baseline.{key}={value}" for key, value in QUICK[name].items()]
-    outcome = cli(
-        f"model={name}", "data=folder", f"data.root={surfaces}", f"hydra.run.dir={tmp_path}/run",
-        *changes,
-    )  # fmt: skip
-    assert outcome.status == 0, outcome.err
-    results = json.loads((tmp_path / "run/results.json").read_text())
-    assert results["model"] == name
-    assert results["networks"]["haptic"]["correct"] == 3
-    out = cli(
-        "task=predict", f"checkpoint={tmp_path}/run/checkpoints/haptic.ckpt",
-        f"haptic={surfaces}/beta/haptic/beta_3.wav",
-    ).out  # fmt: skip
-    assert json.loads(out)["label"] == "beta"
 
 
 @pytest.mark.parametrize("classes", [2, 3])

@@ -10,7 +10,7 @@ from sklearn.preprocessing import StandardScaler
 
 from tex_lightning.synthetic.dataset import SyntheticSpec, listen, photograph, record
 
-SPEC = SyntheticSpec(classes=6, seconds=3, photo_width=480, photo_height=360)
+SPEC = SyntheticSpec(classes=6, seconds=2, photo_width=320, photo_height=240)
 TESTED = np.isin(np.arange(10), [4, 9])
 
 
