@@ -61,15 +61,6 @@ def halved_at_the_end(optimizer: torch.optim.Optimizer, total_steps: int) -> Any
     )
 
 
-class JobReturns(HydraCallback):
-    """Keeps what the jobs of a sweep return."""
-
-    values: list[Any] = []  # noqa: RUF012
-
-    def on_job_end(self, config: Any, job_return: Any, **_: Any) -> None:
-        self.values.append(job_return.return_value)
-
-
 class Frames(nn.Module):
     """Means of ten samples (1, 1, frames), then what spoils them."""
 

@@ -1,13 +1,12 @@
 """The runner of the benchmarks; what they measure is measured by them."""
 
-import json
 import shutil
 from pathlib import Path
 
 import pytest
 
 from benchmarks import __main__ as runner
-from benchmarks import _run, accuracy
+from benchmarks import accuracy
 from tex_lightning.data.recordings import Recording
 from tex_lightning.errors import UserError
 

@@ -1,5 +1,6 @@
 """Every command of the documentation composes: no key, option or value in it is out of date."""
 
+import functools
 import re
 import runpy
 from typing import Any
@@ -84,25 +85,27 @@ def test_the_fragments_of_hapticnet_are_those_of_the_code():
     assert f"20 s give {count} fragments" in words
 
 
-def script(name: str, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+@functools.cache
+def script(name: str) -> dict[str, Any]:
     """What a script of the documentation defines."""
-    monkeypatch.syspath_prepend(str(ROOT / "docs"))
-    return runpy.run_path(str(ROOT / "docs" / f"{name}.py"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(ROOT / "docs"))
+        return runpy.run_path(str(ROOT / "docs" / f"{name}.py"))
 
 
-def test_drawings_and_tables_of_layers_are_those_of_the_code(monkeypatch):
-    made = script("draw_networks", monkeypatch)["made_files"]()
+def test_drawings_and_tables_of_layers_are_those_of_the_code():
+    made = script("draw_networks")["made_files"]()
     assert {path.name for path in made} == {
         "networks.md", "hapticnet.svg", "visualnet.svg", "fusionnet.svg"
     }  # fmt: skip
     assert [path.name for path, text in made.items() if path.read_text("utf-8") != text] == []
 
 
-def test_no_generated_table_is_empty(monkeypatch):
+def test_no_generated_table_is_empty():
     text = "".join(page.read_text("utf-8") for page in USER_PAGES)
     filled = re.findall(r"<!-- made by .+? -->\n\n(?:\|.+\|\n){4,}\n<!-- end -->", text)
     assert len(filled) == text.count("<!-- made by ") >= 6
-    made = script("conf", monkeypatch)["MADE"]
+    made = script("conf")["MADE"]
     assert {f"<!-- made at build: {name} -->" for name in made} == {
         *re.findall("<!-- made at build: .+? -->", text)
     }
@@ -113,8 +116,8 @@ def test_no_generated_table_is_empty(monkeypatch):
     assert packages <= {*re.findall(r"^\| `(\w+)` \| \w", house, re.MULTILINE)}
 
 
-def test_layers_add_up_to_what_was_counted_by_hand(monkeypatch):
-    made = script("draw_networks", monkeypatch)
+def test_layers_add_up_to_what_was_counted_by_hand():
+    made = script("draw_networks")
     sums = {}
     for name, (network, size) in made["networks"]().items():
         rows = made["layers"](network, size)
@@ -188,3 +191,30 @@ def test_the_rows_of_the_paper_are_its_figures_and_presets():
         config = read_config(compose_config(overrides.split()))
         (row,) = [row for row in rows if row["label"] == label]
         assert config.model.name == row["model"], label
+
+
+LINT = "ruff check . && ruff format --check . && mypy && lint-imports"
+
+
+def shell_lines(name: str) -> list[str]:
+    blocks = re.findall(r"```bash\n(.*?)```", (ROOT / name).read_text(), re.DOTALL)
+    return [line for block in blocks for line in block.splitlines() if line]
+
+
+def test_the_commands_are_those_of_ci():
+    ci = (ROOT / ".ci" / "run").read_text().splitlines()
+    first, second, *_ = shell_lines("README.md")
+    assert "pip install -c constraints.txt ." in first
+    assert first.endswith("python -m tex_lightning model=fusion")
+    assert second == 'pip install -c constraints.txt ".[dev]" && python -m pytest'
+    assert {second, LINT} <= {*ci} & {*shell_lines("CONTRIBUTING.md"), second}
+    makefile = (ROOT / "Makefile").read_text()
+    assert LINT in makefile
+    rules = re.findall(r"^(\w+):$", makefile, re.MULTILINE)
+    assert rules == ["install", "run", "test", "lint", "docs"]
+
+
+def test_versions_agree():
+    version = tl.__version__
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text()
+    assert f"\n## {version}" in (ROOT / "CHANGELOG.md").read_text()

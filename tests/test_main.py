@@ -1,6 +1,5 @@
 """The command line itself: what a person types, right and wrong."""
 
-import json
 import os
 import subprocess
 import sys
@@ -77,41 +76,24 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(group):
     [
         # Hydra's and OmegaConf's
         (["model=hptic"], "model=hptic does not exist (did you mean haptic?)"),
-        (["model.haptic.width=abc"], "could not be converted to Float"),
-        (
-            ["task=crossval", "crossval.only=0,1"],
-            "Ambiguous value for argument",
-        ),
+        (["task=crossval", "crossval.only=0,1"], "Ambiguous value for argument"),
         (["seed"], "'seed' cannot be read; write key=value"),
         (["haptic=a b(.wav"], "put quotes of two kinds around a value"),
         (["--multrun", "seed=0,1"], "cannot be read (unrecognized arguments: --multrun)"),
         (["task=evaluate", "data=folder"], "No value for checkpoint, data.root"),
         (["hydra.run.dir=/dev/null/run"], "The run folder cannot be made"),
         ([f"model={LONG}"], "more characters"),
-        (["data=folder", f"data.root={LONG}"], "is too long; give a shorter one"),
         # wrong keys
         (["model.haptic.widht=2"], "no key model.haptic.widht (did you mean model.haptic.width"),
-        (["--cfg", "job", "modle=haptic"], "no key modle (did you mean model"),
         (["task=fit", "modle=haptic", "--help"], "no key modle (did you mean model?)"),
         (["+extra=1"], "There is no key extra"),
-        (["+model.haptic.extra=1"], "There is no key model.haptic.extra"),
-        (
-            ["model=fusion", "epochs=3"],
-            "(did you mean model.haptic.fit.epochs or model.visual.fit.epochs or ",
-        ),
         (["lr=0.1"], "no key lr (did you mean model.haptic.fit.learning_rate or "),
-        (["model.baseline=minirocket"], "Cannot assign str to Dict"),
         (["model=lbp", "model.senses=[haptic]"], "lbp looks at a photo, and haptic is a signal"),
         # what is not there
         (["trainer.accelerator=mps"], "can not run on your system"),
         (["task=crossval", "crossval.only=[0,10]"], "must name folds from 0 to 9"),
         (["data=folder", "data.root=/no/such/folder"], "Folder /no/such/folder does not exist"),
         (["model=visual", "model.visual.fit.patch=50"], "patch is 50, and this network needs"),
-        (["weights=x.npz"], "HapticNet starts from a checkpoint"),
-        (
-            ["model=visual", "trunk=efficientnet_lite0", "model.visual.norm=lrn"],
-            "model.visual.norm",
-        ),
         (["model=fusion", "model.fusion.haptic_checkpoint=/no.ckpt"], "/no.ckpt does not exist"),
         (["task=predict", "checkpoint=/no.ckpt", "haptic=a.wav"], "/no.ckpt does not exist"),
     ],
@@ -145,7 +127,6 @@ def test_mistakes_end_in_one_sentence_and_status_2(cli, tmp_path, monkeypatch, a
         (["data.test_fold=null"], "data.test_fold is null"),
         (["task=crossval", "data.val_fold=2"], "not by task=crossval: leave it out"),
         (["checkpoint=a.ckpt"], "not by task=fit"),
-        (["image=a.jpg"], "image is read by task=predict, task=record"),
         (["decision.unknown=0.05", "model=minirocket"], "and model=minirocket is none"),
         (["decision.unknown=0.05", "data.val_fold=null"], "give data.val_fold=1"),
         (["task=predict", "checkpoint=null"], "task=predict needs one: give it"),
@@ -174,14 +155,6 @@ def test_an_internal_fault_keeps_its_traceback(cli, tmp_path, monkeypatch):
     monkeypatch.setattr("tex_lightning.tasks.fit.open_announced", fail)
     with pytest.raises(ZeroDivisionError, match="a fault of ours"):
         cli(f"hydra.run.dir={tmp_path}")
-
-
-def test_the_defaults_run_on_synthetic_surfaces(cli, tmp_path):
-    outcome = cli("debug=tiny", "data.classes=3", f"hydra.run.dir={tmp_path}")
-    assert outcome.status == 0, outcome.err
-    results = json.loads((tmp_path / "results.json").read_text())
-    assert results["data"] == "synthetic"
-    assert len(results["classes"]) == 3
 
 
 def test_flags_may_stand_between_overrides():

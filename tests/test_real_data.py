@@ -1,7 +1,6 @@
 """Real recordings beside the checkout; skipped where there are none."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,32 +9,27 @@ import soundfile
 import tex_lightning as tl
 
 
-def networks(directory: Path) -> dict:
-    return json.loads((directory / "results.json").read_text())["networks"]
+@pytest.fixture
+def networks(cli, tmp_path):
+    """Give the networks of the results of a run."""
+
+    def run(*arguments: str) -> dict:
+        outcome = cli(*arguments, f"hydra.run.dir={tmp_path}")
+        assert outcome.status == 0, outcome.err
+        return json.loads((tmp_path / "results.json").read_text())["networks"]
+
+    return run
 
 
-def test_real_recordings_run_from_reading_to_results(cli, shared, tmp_path):
-    outcome = cli(
-        "model=haptic",
-        "data=folder",
-        f"data.root={shared}/data/lmt16",
-        "data.classes=3",
-        "debug=tiny",
-        f"hydra.run.dir={tmp_path}",
-    )
-    assert outcome.status == 0, outcome.err
-    assert networks(tmp_path)["haptic"]["test_samples"] == 3
+def votes(networks: dict) -> dict[str, float]:
+    return {name: network["vote_accuracy"] for name, network in networks.items()}
 
 
-def test_the_live_label_of_a_real_surface_follows_within_a_second_and_a_half(cli, shared, tmp_path):
-    outcome = cli(
-        "experiment=few/haptic",
-        "data=folder",
-        f"data.root={shared}/data/lmt16",
-        "data.classes=3",
-        f"hydra.run.dir={tmp_path}",
-    )
-    assert outcome.status == 0, outcome.err
+def test_the_live_label_of_a_real_surface_follows_within_a_second_and_a_half(
+    networks, shared, tmp_path
+):
+    lmt = ("data=folder", f"data.root={shared}/data/lmt16", "data.classes=3")
+    assert networks("experiment=few/haptic", *lmt)["haptic"]["test_samples"] == 3
     model = tl.load(tmp_path, "stream.window=2")
     old, new = model.card.classes[0], model.card.classes[2]
     files = [min((shared / "data/lmt16" / name / "haptic").iterdir()) for name in (old, new)]
@@ -47,40 +41,23 @@ def test_the_live_label_of_a_real_surface_follows_within_a_second_and_a_half(cli
 
 
 @pytest.mark.slow
-def test_hapticnet_on_three_folds_of_sixteen_real_surfaces(cli, shared, tmp_path):
-    outcome = cli(
-        "model=haptic",
-        "data=folder",
-        f"data.root={shared}/data/lmt16",
-        "task=crossval",
-        "crossval.only=[0,1,2]",
-        f"hydra.run.dir={tmp_path}",
-    )
-    assert outcome.status == 0, outcome.err
-    assert networks(tmp_path)["haptic"]["vote_accuracy"] >= 0.95
+def test_hapticnet_on_three_folds_of_sixteen_real_surfaces(networks, shared):
+    lmt = ("data=folder", f"data.root={shared}/data/lmt16")
+    found = networks("model=haptic", *lmt, "task=crossval", "crossval.only=[0,1,2]")
+    assert votes(found)["haptic"] >= 0.95
 
 
 @pytest.mark.slow
-def test_fusion_beats_both_networks_on_synthetic_surfaces(cli, tmp_path):
-    assert cli("model=fusion", f"hydra.run.dir={tmp_path}").status == 0
-    found = {name: network["vote_accuracy"] for name, network in networks(tmp_path).items()}
+def test_fusion_beats_both_networks_on_synthetic_surfaces(networks):
+    found = votes(networks("model=fusion"))
     assert found["fusion"] >= 0.97
     assert found["fusion"] > max(found["haptic"], found["visual"])
 
 
 @pytest.mark.slow
-def test_fusion_stands_by_hapticnet_where_visualnet_errs(cli, shared, tmp_path):
-    outcome = cli(
-        "model=fusion_efficientnet",
-        "data=manifest",
-        f"data.manifest={shared}/data/surfaces10.csv",
-        "data.half_scale=false",
-        "weights=imagenet",
-        "task=crossval",
-        "crossval.only=[3]",
-        f"hydra.run.dir={tmp_path}",
-    )
-    assert outcome.status == 0, outcome.err
-    found = {name: network["vote_accuracy"] for name, network in networks(tmp_path).items()}
+def test_fusion_stands_by_hapticnet_where_visualnet_errs(networks, shared):
+    surfaces = ("data=manifest", f"data.manifest={shared}/data/surfaces10.csv")
+    options = ("data.half_scale=false", "weights=imagenet", "task=crossval", "crossval.only=[3]")
+    found = votes(networks("model=fusion_efficientnet", *surfaces, *options))
     assert found["visual"] < found["fusion"]
     assert found["fusion"] >= found["haptic"]

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import pickle
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
 from tex_lightning.core.console import print_line
+from tex_lightning.errors import SHOWN, UserError, listed, reason, shorten
 from tex_lightning.text import from_cell, printable, to_cell, to_json, to_markdown
 
 HOSTILE = (
@@ -135,3 +137,27 @@ def test_terminal_figure_and_card_take_such_names(run, cli, tmp_path):
 def _manifest(run: Path) -> Path:
     text = (run / ".hydra" / "config.yaml").read_text()
     return Path(re.search(r"manifest: (\S+manifest.csv)", text)[1])
+
+
+def test_names_in_messages_are_short_and_few():
+    assert shorten("rough") == "rough"
+    assert len(shorten("x" * 100_000)) < SHOWN + 50
+    assert listed(["a", "b"]) == "a, b"
+    assert listed([str(n) for n in range(25)]).endswith("18, 19 and 5 more")
+
+
+def test_what_a_library_says_stands_inside_a_sentence():
+    assert reason(ValueError("Bad header.\n  No 'data' chunk.")) == "Bad header; No 'data' chunk"
+    assert reason(MemoryError()) == "MemoryError"
+    assert len(reason("x" * 10_000)) < SHOWN + 50
+
+
+def test_each_line_of_a_mistake_is_one_whatever_names_hold():
+    assert str(UserError("File a\nb.wav is empty; replace it.")) == (
+        "File a\\nb.wav is empty; replace it."
+    )
+    several = UserError("2 files cannot be used:", "- a\nb.wav", "- c\x1b[31m.wav")
+    assert str(several).splitlines() == [
+        "2 files cannot be used:", "- a\\nb.wav", "- c\\x1b[31m.wav",
+    ]  # fmt: skip
+    assert str(pickle.loads(pickle.dumps(several))) == str(several)  # from a launcher's process

@@ -80,9 +80,9 @@ def fitted_once(configured):
 
 @pytest.fixture(scope="module")
 def checkpoint(run_once, surfaces):
-    return run_once("model=minirocket", "model.baseline.kernels=840", "data=folder", f"data.root={surfaces}") / (
-        "checkpoints/haptic.ckpt"
-    )
+    return run_once(
+        "model=minirocket", "model.baseline.kernels=840", "data=folder", f"data.root={surfaces}"
+    ) / ("checkpoints/haptic.ckpt")
 
 
 def test_results_name_the_modality_and_the_checkpoint_holds_tensors(checkpoint):

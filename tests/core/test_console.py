@@ -19,31 +19,23 @@ from tex_lightning.errors import UserError
 from tex_lightning.report.table import make_table
 
 
-@pytest.fixture
-def quick(cli, surfaces, tmp_path):
-    """Run something in a moment, in a folder that goes on with what is there."""
-    data = ["data=folder", f"data.root={surfaces}", f"hydra.run.dir={tmp_path / 'run'}"]
+def test_verbose_says_how_much_is_printed(cli, surfaces, tmp_path):
+    folder = tmp_path / "run"
 
-    def run(*arguments: str):
-        outcome = cli("model=mfcc_nb", *data, *arguments)
+    def said(verbose: int) -> str:
+        data = ["data=folder", f"data.root={surfaces}", f"hydra.run.dir={folder}"]
+        outcome = cli("model=mfcc_nb", "explained_samples=0", *data, f"verbose={verbose}")
         assert outcome.status == 0, outcome.err
         assert outcome.out == ""  # which belongs to predict, stream and record
         assert not {*outcome.err} & {"\r", "\x1b"}
         return outcome.err
 
-    return run
-
-
-def test_verbose_says_how_much_is_printed(quick, tmp_path):
-    quiet = quick("verbose=0")
-    first, *_, last = (line for line in quiet.splitlines() if line.strip())
+    first, *_, last = (line for line in said(0).splitlines() if line.strip())
     assert first.strip() == "fit · mfcc_nb · folder"
-    assert last == f"Results in {tmp_path / 'run'}"
-    log = tmp_path / "run" / "tex_lightning.log"
-    assert "Fitting mfcc_nb to 24 recordings." in log.read_text()  # all the same
-    assert "This run is finished already." in quick("verbose=1")  # another verbose goes on
-    (tmp_path / "run" / "results.json").unlink()
-    verbose = quick("verbose=2")
+    assert last == f"Results in {folder}"
+    assert "Fitting mfcc_nb to 24 recordings." in (folder / "tex_lightning.log").read_text()
+    (folder / "results.json").unlink()
+    verbose = said(2)  # another verbose goes on
     assert re.search("Trains +mfcc_nb", verbose)
     assert "] Fold 0, mfcc_nb: 3 of 3 votes correct, trained in " in verbose
     assert "INFO" not in verbose
@@ -55,8 +47,6 @@ def test_errors_are_said_however_quiet(cli, tmp_path):
     outcome = cli("verbose=0", "task=predict", f"checkpoint={tmp_path}", "haptic=a.wav")
     assert outcome.status == 2
     assert outcome.err.startswith(f"Error: {tmp_path} holds no finished checkpoint")
-    outcome = cli("verbose=3")
-    assert outcome.err == "Error: verbose is 3: choose from [0, 2].\n"
 
 
 def test_a_terminal_wraps_sentences_at_words_and_commands_by_itself(monkeypatch):
@@ -85,15 +75,6 @@ def test_warnings_of_libraries_are_one_line_each_and_those_alike_one_in_all(capl
     first, second = caplog.messages
     assert first.startswith("Glyph 0 (\\N{LETTER 0}) missing from font. (test_console.py:")
     assert second.startswith("Another. (test_console.py:")
-
-
-def test_what_is_the_same_for_every_fold_is_logged_once(caplog):
-    log = logging.getLogger("tex_lightning.test")
-    for _ in range(2):  # commands
-        with verbosity(1), caplog.at_level("INFO"):
-            for _ in range(10):
-                log_once(log, "The trunk begins with /a/long/path.pth.")
-    assert caplog.messages == ["The trunk begins with /a/long/path.pth."] * 2
 
 
 def test_nothing_that_is_shown_can_steer_the_terminal(capfd):

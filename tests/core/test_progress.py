@@ -31,25 +31,23 @@ def file(monkeypatch) -> io.StringIO:
     return use(monkeypatch, io.StringIO())
 
 
-def to_screen(monkeypatch, name: str, level: int) -> logging.Logger:
-    logger = logging.getLogger(name)
-    monkeypatch.setattr(logger, "handlers", [ConsoleHandler()])
-    monkeypatch.setattr(logger, "propagate", False)
-    monkeypatch.setattr(logger, "level", level)
-    logger.manager._clear_cache()  # of what is enabled
-    return logger
+@pytest.fixture
+def logger(monkeypatch):
+    """Give a logger of the package or of a library, to the screen."""
+
+    def to_screen(name: str, level: int = logging.DEBUG) -> logging.Logger:
+        logger = logging.getLogger(name)
+        for key, value in (("handlers", [ConsoleHandler()]), ("propagate", False), ("level", level)):
+            monkeypatch.setattr(logger, key, value)
+        logger.manager._clear_cache()  # of what is enabled
+        return logger
+
+    return to_screen
 
 
 @pytest.fixture
-def log(monkeypatch) -> logging.Logger:
-    """The package's, to the screen."""
-    return to_screen(monkeypatch, "tex_lightning", logging.DEBUG)
-
-
-@pytest.fixture
-def other(monkeypatch) -> logging.Logger:
-    """A library's, to the screen."""
-    return to_screen(monkeypatch, "a_library.of.others", logging.INFO)
+def log(logger) -> logging.Logger:
+    return logger("tex_lightning")
 
 
 def run_folds(log: logging.Logger) -> None:
@@ -119,7 +117,8 @@ def test_nothing_is_drawn_for_whoever_wants_quiet(terminal, log):
     assert terminal.text == "This is wrong."
 
 
-def test_whoever_debugs_is_told_timings_and_what_others_say(file, log, other):
+def test_whoever_debugs_is_told_timings_and_what_others_say(file, log, logger):
+    other = logger("a_library.of.others", logging.INFO)
     other.info("one")
     other.warning("two")
     list(track(range(3), "Decoding"))

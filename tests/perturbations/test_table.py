@@ -226,7 +226,10 @@ def test_all_that_may_be_trained_on_needs_the_recording_alone(modality):
 
 
 def test_a_share_is_changed_by_every_kind_alike():
-    augmentation, photo = Augmentation.of(["darkness", "scale_down"], share=0.5), make_photo(0, 0, 60)
+    augmentation, photo = (
+        Augmentation.of(["darkness", "scale_down"], share=0.5),
+        make_photo(0, 0, 60),
+    )
     changed = [augmentation(photo, np.random.default_rng(seed)) for seed in range(400)]
     smaller = sum(each.shape != photo.shape for each in changed)
     darker = sum(each.shape == photo.shape and each is not photo for each in changed)
