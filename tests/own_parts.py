@@ -3,7 +3,6 @@
 from typing import Any
 
 import torch
-from hydra.experimental.callback import Callback as HydraCallback
 from lightning import Callback
 from lightning.pytorch.loggers import Logger
 from lightning.pytorch.loggers.logger import rank_zero_experiment

@@ -14,11 +14,7 @@ from packaging.version import Version
 ROOT = Path(__file__).parents[1]
 PROJECT = ROOT / "pyproject.toml"
 COMPROMISED = ("2.6.2", "2.6.3")  # GHSA-w37p-236h-pfx3: they steal credentials
-VULNERABLE = (
-    "11.1.0",
-    "12.2.0",
-    "12.3.0",
-)  # CVE-2026-4775 in libtiff, and later ones
+VULNERABLE = ("11.1.0", "12.2.0", "12.3.0")  # CVE-2026-4775 in libtiff, and later ones
 
 
 def names(requirements):

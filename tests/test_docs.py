@@ -73,18 +73,6 @@ def test_files_named_in_sentences_exist():
     assert missing == []
 
 
-def test_the_fragments_of_hapticnet_are_those_of_the_code():
-    page = (ROOT / "docs" / "networks.md").read_text(encoding="utf-8")
-    network, features = tl.HapticNet(3, width=0.1), SpectrogramFeatures()
-    seconds = [features.samples(frames) / 10_000 for frames in (192, 177)]
-    assert (network.window_size[1], network.min_size[1]) == (192, 177)
-    words = " ".join(page.split())
-    assert f"192 frames ({seconds[0]:.2f} s, at least 177 frames or {seconds[1]:.2f} s)" in words
-    assert f"it depends on {network.receptive_field} frames" in words
-    count = network.output_size(50, features.frames(200_000))[1]
-    assert f"20 s give {count} fragments" in words
-
-
 @functools.cache
 def script(name: str) -> dict[str, Any]:
     """What a script of the documentation defines."""
@@ -114,21 +102,6 @@ def test_no_generated_table_is_empty():
     packages = {path.name for path in (ROOT / "tex_lightning").iterdir() if path.is_dir()}
     packages -= {"__pycache__", "conf"}
     assert packages <= {*re.findall(r"^\| `(\w+)` \| \w", house, re.MULTILINE)}
-
-
-def test_layers_add_up_to_what_was_counted_by_hand():
-    made = script("draw_networks")
-    sums = {}
-    for name, (network, size) in made["networks"]().items():
-        rows = made["layers"](network, size)
-        sums[name] = sum(row.parameters for row in rows), sum(row.macs for row in rows)
-    conv = [(3, 3, 1, 50, 50 * 192), (3, 3, 50, 100, 25 * 96), (3, 3, 100, 150, 13 * 48)]
-    conv += [(3, 3, 150, 200, 7 * 24), (4, 12, 200, 400, 1), (1, 1, 400, 250, 1)]
-    conv += [(1, 1, 250, 69, 1)]
-    macs = sum(h * w * inputs * outputs * places for h, w, inputs, outputs, places in conv)
-    parameters = sum((h * w * inputs + 1) * outputs for h, w, inputs, outputs, _ in conv)
-    assert sums["hapticnet"] == (parameters, macs)
-    assert sums["visualnet"][0] == 5_191_749  # Caffe's AlexNet to pool5, then 300, 250, 69
 
 
 COUNTED = re.compile(

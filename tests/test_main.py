@@ -63,7 +63,8 @@ def test_every_key_has_a_meaning():
     assert leaves <= set(keys)
 
 
-@pytest.mark.parametrize("group", [pytest.param("model", marks=pytest.mark.slow), "data"])
+@pytest.mark.slow  # other tests read each published data set by its configuration
+@pytest.mark.parametrize("group", ["model", "data"])
 def test_every_model_and_data_set_composes_without_open_values_but_paths(group):
     for option in config_groups()[group]:
         config = compose_config(["data=folder", f"{group}={option}"])

@@ -61,21 +61,15 @@ def test_every_public_name_has_an_example_that_runs(name):
     assert not said, "".join(said)
 
 
-def test_the_python_of_the_readme_and_its_chapters_runs():
-    root = CONF.parent
-    names = ("README.md", "docs/predict.md", "docs/deploy.md")
-    pages = [root / name for name in names]
-    text = "\n".join(page.read_text(encoding="utf-8") for page in pages)
+def test_the_python_of_the_readme_runs():
+    """That of the other pages is run by tests/test_docs_run.py."""
+    text = (CONF.parent / "README.md").read_text(encoding="utf-8")
     blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     samples = make_trace(0, 0)
     known = {"samples": samples, "frame": make_photo(0, 0), "chunks": np.split(samples, 4)}
     for block in blocks:
-        if "OUT/" not in block:  # which a command of the page writes
-            exec(block, known)
-    used = "\n".join(blocks)
-    assert all(f"tl.{name}(" in used for name in ("load", "train"))
-    assert ".predict(" in used
-    assert ".stream()" in used
+        exec(block, known)
+    assert ".predict(" in "\n".join(blocks)
 
 
 def test_every_public_name_is_in_the_reference():

@@ -74,8 +74,8 @@ def test_devices_that_are_no_number_are_refused(devices):
 @pytest.mark.parametrize(
     "case",
     [
-        "model.haptic.fit.optimizer.betas=[2,2]", "model.haptic.fit.schedule.pct_start=7",
-        "trainer.gradient_clip=1", "callbacks.progress.foo=1",
+        "model.haptic.fit.optimizer.betas=[2,2]", "trainer.gradient_clip=1",
+        "callbacks.progress.foo=1",
     ],
 )  # fmt: skip
 def test_what_a_constructor_refuses_is_said_before_data_is_read(case, cli, monkeypatch, tmp_path):

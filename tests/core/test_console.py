@@ -1,7 +1,6 @@
 """How much is said, through the command line; whole words on a terminal."""
 
 import io
-import logging
 import re
 import warnings
 from concurrent.futures import ThreadPoolExecutor
@@ -13,7 +12,7 @@ from PIL import Image
 from rich.cells import cell_len
 from rich.console import Console
 
-from tex_lightning.core.console import Screen, console, log_once, say, suppress_warnings, verbosity
+from tex_lightning.core.console import Screen, console, say, suppress_warnings, verbosity
 from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.errors import UserError
 from tex_lightning.report.table import make_table

@@ -37,7 +37,11 @@ def logger(monkeypatch):
 
     def to_screen(name: str, level: int = logging.DEBUG) -> logging.Logger:
         logger = logging.getLogger(name)
-        for key, value in (("handlers", [ConsoleHandler()]), ("propagate", False), ("level", level)):
+        for key, value in (
+            ("handlers", [ConsoleHandler()]),
+            ("propagate", False),
+            ("level", level),
+        ):
             monkeypatch.setattr(logger, key, value)
         logger.manager._clear_cache()  # of what is enabled
         return logger

@@ -55,8 +55,3 @@ def test_every_sample_counts_once_for_each_condition_of_its_recordings():
 def test_folds_are_pooled_by_their_counts():
     parts = [by_condition(SAMPLES[:2], outcomes("+-")), by_condition(SAMPLES[2:], outcomes("++"))]
     assert counts(pool_conditions([*parts, {}])) == counts(by_condition(SAMPLES, outcomes("+-++")))
-
-
-def test_without_conditions_there_is_no_entry():
-    assert by_condition([sample(0, haptic={})], outcomes("+")) == {}
-    assert pool_conditions([{}]) == {}

@@ -53,8 +53,3 @@ def test_without_a_threshold_the_areas_alone_are_known(pooled):
     labels, novelties = [0, 0, 0, 0, 1, 1], [0.1, 0.2, 0.3, 0.4, 0.25, 0.9]
     assert found["novelty_auroc"] == pytest.approx(roc_auc_score(labels, novelties))
     assert "rate" not in pooled([None, None], None)
-
-
-def test_novelties_that_are_not_known_have_no_area():
-    known, unknown = [outcome("a", "a", 0.1)], [outcome("c", "a", float("nan"))]
-    assert unknown_entry([(known, unknown, None)], None)["unknown"]["novelty_auroc"] is None

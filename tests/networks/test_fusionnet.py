@@ -107,12 +107,8 @@ def test_tuples_of_three_senses_are_needed_unless_all_have_one_position():
 
 
 @pytest.mark.parametrize(
-    "layer",
-    [
-        torch.nn.Conv1d(2, CLASSES, 1, bias=False), torch.nn.Conv1d(2, CLASSES, 3),
-        torch.nn.Sequential(torch.nn.Conv1d(2, CLASSES, 1)),
-    ],
-)  # fmt: skip
+    "layer", [torch.nn.Conv1d(2, CLASSES, 1, bias=False), torch.nn.Conv1d(2, CLASSES, 3)]
+)
 def test_a_score_layer_of_another_form_is_fused_on_the_scores(layer):
     own = OwnNet(CLASSES)
     own.score_layer = layer

@@ -96,21 +96,3 @@ def test_spectrograms_are_normalised_by_the_training_set(surfaces, tmp_path):
     torch.testing.assert_close(frames.mean(dim=1), torch.zeros(50), atol=1e-3, rtol=0)
     whole = sense(torch.from_numpy(np.array(store.load(rows[2]))))[0]
     torch.testing.assert_close(bank.inputs[2], whole)
-
-
-def test_a_card_makes_it_and_a_classifier_votes():
-    trust(f"{__name__}.Energy", f"{__name__}.Loudness")
-    node = {
-        "_target_": "tex_lightning.senses.signal.SignalSense",
-        "modality": "force",
-        "decode": {"sampling_rate": RATE, "file_rate": None},
-        "features": {"_target_": f"{__name__}.Energy"},
-        "network": {"_target_": f"{__name__}.Loudness"},
-    }
-    decision = {"pairs": 20, "seed": 0, "rule": "vote", "reject_below": None}
-    model = SurfaceClassifier(Card(["loud", "medium", "quiet"], {"touch": node}, decision)).eval()
-    assert model.card.kind == "touch"
-    assert model.classify(force=signal(3.0)).label == 0
-    assert model.classify(force=signal(0.01)).label == 2
-    with pytest.raises(UserError, match="give force=FILE too"):
-        model.classify(haptic=signal(3.0))

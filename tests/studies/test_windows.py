@@ -67,21 +67,3 @@ def test_windows_stand_where_the_predictions_do():
     assert torch.equal(grid[2, 5], x[0, :, 64 : 64 + 224, 160 : 160 + 224])
     rows, columns = visual.output_size(300, 400)
     assert (rows - 3, columns - 6) in {(0, 0), (0, 1), (1, 0), (1, 1)}
-
-
-def test_a_network_without_trunk_and_head_is_its_own_twin():
-    class Own(nn.Module):
-        window_size, stride, classes = (50, 192), 16, 4
-
-        def __init__(self):
-            super().__init__()
-            self.layer = nn.Conv2d(1, 4, (50, 192), stride=16)
-
-        def features(self, x, level):
-            return self.layer(x).squeeze(2)
-
-    network, x = Own().eval(), noise(1, 1, 50, 230)
-    grid = cut(network, x)
-    with torch.no_grad():
-        twin = WindowNet(network)(next(batches(grid, 3)))
-        torch.testing.assert_close(twin, network.features(x, "fc3")[0].T)

@@ -7,9 +7,9 @@ from efficientnet_lite_pytorch import EfficientNet
 from torch.nn.functional import conv2d, pad
 
 from tex_lightning.errors import UserError
-from tex_lightning.networks.blocks import MEAN
+from tex_lightning.networks.blocks import MEAN, Window
 from tex_lightning.networks.trunks import published
-from tex_lightning.networks.trunks.efficientnet_lite import STAGES, EfficientNetLite0
+from tex_lightning.networks.trunks.efficientnet_lite import STAGES, EfficientNetLite0, TextureFeatures
 from tex_lightning.networks.weights import load_trunk_weights
 from tex_lightning.senses.features.image import ImageFeatures
 
@@ -114,3 +114,14 @@ def test_a_fragment_smaller_than_a_position_is_refused():
     with pytest.raises(UserError, match="choose 32 pixels or more"):
         EfficientNetLite0(width=0.1, norm="none", patch=31)
     assert EfficientNetLite0(width=0.1, norm="none", patch=32).min_side == 32
+
+
+def test_standardised_features_have_mean_zero_and_unit_length():
+    torch.manual_seed(0)
+    features = TextureFeatures(Window(13, 2), 50)
+    rows = 3 + 5 * torch.rand(400, 50)
+    standardised = features.standardise(rows)
+    torch.testing.assert_close(standardised.mean(dim=0), torch.zeros(50), atol=1e-5, rtol=0)
+    assert standardised.square().sum(dim=1).mean() == pytest.approx(1, abs=0.02)
+    maps = features([rows[:3, :, None, None]])
+    torch.testing.assert_close(maps[..., 0, 0], standardised[:3])
