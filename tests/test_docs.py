@@ -26,7 +26,6 @@ from tex_lightning.config import Config
 from tex_lightning.config.composition import compose_config, read_config
 from tex_lightning.config.keys import walk
 from tex_lightning.report.table import paper_table
-from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 FOUND = {
     command: block.page

@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.hostile import run_all, sentence
+from benchmarks.hostile import run_all
 
 
 @pytest.mark.slow

@@ -2,7 +2,6 @@
 
 import pytest
 
-from benchmarks._mutate import mutated
 from benchmarks.mutations import COUNT, FORMATS, attempts, tally
 
 

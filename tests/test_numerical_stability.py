@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 import torch
 from conftest import make_card, trunk_node
-from hypothesis import given
-from hypothesis import strategies as st
 from torch import nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier, content_seed

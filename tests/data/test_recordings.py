@@ -14,7 +14,6 @@ from tex_lightning.data.recordings import (
     Recordings,
     cut_part,
     equal_parts,
-    natural_key,
     overlap,
     read_manifest,
     write_manifest,

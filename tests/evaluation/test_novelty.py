@@ -5,7 +5,7 @@ import json
 import pytest
 from sklearn.metrics import roc_auc_score
 
-from tex_lightning.evaluation.novelty import pool_unknown, unknown_entry
+from tex_lightning.evaluation.novelty import pool_unknown
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes
 
 

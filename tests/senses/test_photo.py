@@ -7,7 +7,6 @@ import pytest
 import torch
 from conftest import make_card
 from PIL import Image
-from torch import nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.decode import PhotoDecoder
@@ -15,7 +14,6 @@ from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import MEAN, STD
-from tex_lightning.senses.photo import PhotoSense
 
 FIT = {"perturb": [], "perturbed_share": 0.5, "rotation": 180.0}
 

@@ -6,9 +6,7 @@ import torch
 from conftest import make_card
 from torch import nn
 
-from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.config.instantiation import trust
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store

@@ -9,7 +9,11 @@ from torch.nn.functional import conv2d, pad
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import MEAN, Window
 from tex_lightning.networks.trunks import published
-from tex_lightning.networks.trunks.efficientnet_lite import STAGES, EfficientNetLite0, TextureFeatures
+from tex_lightning.networks.trunks.efficientnet_lite import (
+    STAGES,
+    EfficientNetLite0,
+    TextureFeatures,
+)
 from tex_lightning.networks.weights import load_trunk_weights
 from tex_lightning.senses.features.image import ImageFeatures
 
