@@ -53,13 +53,6 @@ class EpochCounter(Callback):
         EpochCounter.epochs += 1
 
 
-def halved_at_the_end(optimizer: torch.optim.Optimizer, total_steps: int) -> Any:
-    """A schedule that is no class."""
-    return torch.optim.lr_scheduler.LambdaLR(
-        optimizer, lambda step: 1.0 if step < total_steps else 0.5
-    )
-
-
 class Frames(nn.Module):
     """Means of ten samples (1, 1, frames), then what spoils them."""
 

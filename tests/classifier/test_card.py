@@ -96,8 +96,3 @@ def test_the_threshold_is_the_conformal_quantile():
     known = np.random.default_rng(0).exponential(size=99)
     expected = np.quantile(known, 95 / 99, method="inverted_cdf")
     assert novelty_threshold(known.tolist(), 0.05) == pytest.approx(expected)
-
-
-def test_of_too_few_recordings_the_largest_counts():
-    assert novelty_threshold([0.2, 0.5, 0.3], 0.05) == 0.5
-    assert least_rate(3) == 0.25

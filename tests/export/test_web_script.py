@@ -57,44 +57,6 @@ def write(path: Path, array: np.ndarray) -> str:
     return str(path)
 
 
-def test_samples_of_wav_files_are_those_of_soundfile(node, tmp_path):
-    paths = []
-    for subtype in ("PCM_U8", "PCM_16", "PCM_24", "PCM_32", "FLOAT", "DOUBLE"):
-        for kind in ("WAV", "WAVEX"):
-            paths.append(tmp_path / f"{subtype}_{kind}.wav")
-            soundfile.write(paths[-1], noise(501, 3), 8000, subtype=subtype, format=kind)
-    found = node(
-        {"wav": "parseWav"},
-        BUFFER + "return given.paths.map((path) => { const found = parseWav(load(path));"
-        "return [found.rate, found.channels.map((each) => [...each])]; });",
-        paths=[str(path) for path in paths],
-    )
-    for path, (rate, channels) in zip(paths, found, strict=True):
-        expected, expected_rate = soundfile.read(path, dtype="float32")
-        assert rate == expected_rate
-        np.testing.assert_array_equal(np.float32(channels), expected.T, path.name)
-
-
-def test_arrays_are_those_of_numpy(node, tmp_path):
-    arrays = {
-        "one": noise(50),
-        "axes": np.arange(-30, 30, dtype=np.int16).reshape(3, 20),
-        "columns": np.asfortranarray(noise(20, 3).astype(np.float64)),
-        "big": noise(20, 3).astype(">f4"),
-    }
-    for name, array in arrays.items():
-        np.save(tmp_path / f"{name}.npy", array)
-    found = node(
-        {"decode": "readSignal"},
-        BUFFER + "return given.paths.map((path) =>"
-        " readSignal(path, load(path), { channels: null }).axes.map((each) => [...each]));",
-        paths=[str(tmp_path / f"{name}.npy") for name in arrays],
-    )
-    for name, axes in zip(arrays, found, strict=True):
-        expected = read_samples(tmp_path / f"{name}.npy")[0]
-        np.testing.assert_array_equal(axes, expected, name)
-
-
 def test_a_truncated_wav_file_is_refused_in_one_sentence(node, tmp_path):
     path = tmp_path / "a.wav"
     soundfile.write(path, noise(100), 8000)
@@ -141,20 +103,36 @@ TEXTS = {
 }
 
 
-def test_tables_are_read_as_by_the_package(node, tmp_path):
-    paths = [tmp_path / f"{name}.csv" for name in TEXTS]
-    for path, text in zip(paths, TEXTS.values(), strict=True):
-        path.write_text(text)
-    found = node(
-        {"table": "parseTable"},
-        BUFFER + "return given.paths.map((path) => { const found = parseTable(load(path));"
-        "return [found.rate, found.channels.map((each) => [...each])]; });",
+ARRAYS = {
+    "one": noise(50),
+    "axes": np.arange(-30, 30, dtype=np.int16).reshape(3, 20),
+    "columns": np.asfortranarray(noise(20, 3).astype(np.float64)),
+    "big": noise(20, 3).astype(">f4"),
+}
+
+
+def test_sounds_arrays_and_tables_are_read_as_by_the_package(node, tmp_path):
+    for subtype in ("PCM_U8", "PCM_16", "PCM_24", "PCM_32", "FLOAT", "DOUBLE"):
+        for kind in ("WAV", "WAVEX"):
+            path = tmp_path / f"{subtype}_{kind}.wav"
+            soundfile.write(path, noise(501, 3), 8000, subtype=subtype, format=kind)
+    for name, array in ARRAYS.items():
+        np.save(tmp_path / f"{name}.npy", array)
+    for name, text in TEXTS.items():
+        (tmp_path / f"{name}.csv").write_text(text)
+    paths = sorted(tmp_path.iterdir())
+    signals = node(
+        {"decode": "readSignal"},
+        BUFFER + "return given.paths.map((path) => {"
+        " const found = readSignal(path, load(path), { channels: null });"
+        " return [found.rate, found.axes.map((each) => [...each])]; });",
         paths=[str(path) for path in paths],
     )
-    for path, (rate, channels) in zip(paths, found, strict=True):
+    for path, (rate, axes) in zip(paths, signals, strict=True):
         samples, expected = read_samples(path)
         assert rate == (expected and expected.hz), path.name
-        np.testing.assert_allclose(channels, samples, rtol=1e-15, err_msg=path.name)
+        axes = np.asarray(axes, samples.dtype)
+        np.testing.assert_allclose(axes, samples, rtol=1e-15, err_msg=path.name)
 
 
 def test_words_and_seeds_are_those_of_zlib_numpy_and_torch(node, tmp_path):

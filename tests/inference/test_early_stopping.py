@@ -128,8 +128,15 @@ def test_fusion_looks_at_the_photo_only_where_the_trace_is_not_enough(monkeypatc
     assert rows
 
 
-@pytest.mark.parametrize("rule", RULES)
-@pytest.mark.parametrize(("kind", "level"), [*((kind, "fc2") for kind in SENSES), ("three", "fc3")])
+@pytest.mark.parametrize(
+    ("kind", "level", "rule"),
+    [
+        ("haptic", "fc2", "score"),
+        ("visual", "fc2", "mean"),
+        ("three", "fc3", "vote"),
+        *(("three", "fc2", rule) for rule in RULES),
+    ],
+)
 def test_the_decision_is_the_full_one_if_nothing_is_sure(kind, level, rule):
     model = classifier(kind, level)
     model.card = replace(model.card, decision={**model.card.decision, "rule": rule})

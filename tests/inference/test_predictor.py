@@ -146,19 +146,6 @@ def test_a_stream_adds_what_a_photo_says_once(fusion):
     assert alone.probability == pytest.approx(expected.probability)
 
 
-@pytest.mark.parametrize(
-    ("live", "photos", "said"),
-    [
-        ((), {"sound": None, "image": None, "depth": 1}, "does not look at depth"),
-        (("image",), {}, "image is given as the other"),
-        ((), {"image": "gone.png"}, "gone.png does not exist"),
-    ],
-)
-def test_what_no_stream_takes_is_said(fusion, live, photos, said):
-    with pytest.raises(tl.UserError, match=said):
-        fusion.stream(*live, **photos)
-
-
 def test_signals_of_a_stream_come_together(tmp_path):
     torch.manual_seed(0)
     model = SurfaceClassifier(make_card("haptic", "sound", width=0.1))

@@ -66,10 +66,9 @@ def test_the_csv_has_the_same_metrics(run):
         assert written == pytest.approx(MemoryLogger.kept["haptic"].metrics[name], rel=1e-4)
 
 
-@pytest.mark.parametrize("node", [False, 1, "text", {}])
-def test_a_logger_that_is_none_is_named(node, tmp_path):
+def test_a_logger_that_is_none_is_named(tmp_path):
     with pytest.raises(UserError, match=r"logger\.mine has no _target_; name the class there"):
-        open_loggers({"mine": node}, tmp_path, "haptic")
+        open_loggers({"mine": "text"}, tmp_path, "haptic")
 
 
 def test_an_evaluation_is_logged_too(cli, run, surfaces, tmp_path):
@@ -82,9 +81,3 @@ def test_an_evaluation_is_logged_too(cli, run, surfaces, tmp_path):
     logger = MemoryLogger.kept["haptic"]
     entry = json.loads((tmp_path / "results.json").read_text())["networks"]["haptic"]
     assert logger.metrics["test/vote_accuracy"] == [entry["vote_accuracy"]]
-    assert logger.params["data.root"] == str(surfaces)
-    assert not [name for name in logger.params if name.startswith("haptic")]
-    assert [*tmp_path.glob("tensorboard/haptic/events*")]
-    with (tmp_path / "metrics/haptic/metrics.csv").open() as stream:
-        (line,) = csv.DictReader(stream)
-    assert float(line["test/vote_accuracy"]) == entry["vote_accuracy"]

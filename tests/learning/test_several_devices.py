@@ -118,8 +118,6 @@ def test_torchrun_starts_all_processes_and_rank_zero_alone_speaks(alone, surface
     ("arguments", "message"),
     [
         (["model.haptic.fit.batch_size=7"], "is 7, but 2 processes share every batch"),
-        (["model.haptic.fit.batch_size=2"], "choose a multiple of 2, 4 or more"),
-        (["trainer.devices=0"], "trainer.devices is 0: choose from [1, 64]"),
         (["trainer.num_nodes=2"], "start the command with srun or torchrun"),
         (["task=profile"], "several devices are used by task=fit and task=crossval"),
     ],
@@ -129,13 +127,6 @@ def test_what_cannot_be_shared_is_refused(cli, tmp_path, arguments, message):
     assert outcome.status == 2
     assert message in outcome.err
     assert not (tmp_path / "settings.json").exists()
-
-
-def test_a_sweep_is_refused_before_its_first_job(cli, tmp_path):
-    outcome = cli("-m", "seed=0,1", *TWO, f"hydra.sweep.dir={tmp_path}/sweep")
-    assert outcome.status == 2
-    assert outcome.err.count("Error: A sweep runs every job in one process") == 1
-    assert not (tmp_path / "sweep").exists()
 
 
 def test_flags_of_the_trainer_are_passed_on_or_refused(cli, surfaces, tmp_path):

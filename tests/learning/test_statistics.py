@@ -26,12 +26,6 @@ def test_a_checkpoint_keeps_the_means_of_its_training_recordings(bands):
         torch.testing.assert_close(found.means[kind], torch.stack(means).mean(0))
 
 
-def test_probabilities_that_were_fitted_with_the_weights_get_no_temperature(bands):
-    card = tl.load(bands).classifier.card
-    assert "novelties" in card.calibration  # there was a validation fold, of three recordings
-    assert "temperature" not in card.calibration
-
-
 def test_recordings_left_out_are_as_novel_as_new_ones():
     torch.manual_seed(0)
     centres = 4 * torch.randn(3, 40)

@@ -1,17 +1,15 @@
 """Checkpoint files as Lightning would write them, and the progress bar."""
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 import torch
 from conftest import make_card
 
 from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_state
-from tex_lightning.core.progress import Stage
 from tex_lightning.errors import UserError
-from tex_lightning.learning.train import _fit, _take_best, checkpoint_of, train_network
-from tex_lightning.learning.trainer import CheckpointFiles, ProgressBar
+from tex_lightning.learning.train import _take_best, checkpoint_of, train_network
+from tex_lightning.learning.trainer import CheckpointFiles
 
 
 class Unsaveable:
@@ -21,22 +19,6 @@ class Unsaveable:
         raise OSError(28, "no space left on device")
 
 
-@pytest.fixture
-def batch_norm_of_one() -> SimpleNamespace:
-    """A trainer whose only step normalises a single position."""
-
-    def fit(*_: object, **__: object) -> None:
-        torch.nn.BatchNorm2d(3)(torch.ones(1, 3, 1, 1))
-
-    return SimpleNamespace(progress_bar_callback=None, fit=fit)
-
-
-def test_a_batch_of_one_position_is_said(batch_norm_of_one: SimpleNamespace) -> None:
-    module = SimpleNamespace(kind="visual")
-    with pytest.raises(UserError, match=r"raise model\.visual\.fit\.batch_size"):
-        _fit(batch_norm_of_one, module, None, None)
-
-
 def test_a_write_that_fails_leaves_the_earlier_checkpoint_whole(tmp_path: Path) -> None:
     path = tmp_path / "last.ckpt"
     CheckpointFiles().save_checkpoint({"epoch": 1}, path)
@@ -44,23 +26,6 @@ def test_a_write_that_fails_leaves_the_earlier_checkpoint_whole(tmp_path: Path) 
         CheckpointFiles().save_checkpoint({"weight": torch.ones(1000), "x": Unsaveable()}, path)
     assert torch.load(path, weights_only=True) == {"epoch": 1}
     assert [*tmp_path.iterdir()] == [path]
-
-
-def test_the_progress_bar_counts_from_the_epoch_that_it_resumes_at() -> None:
-    metrics = {"train/loss": torch.tensor(0.5), "val/vote_accuracy": torch.tensor(0.4), "lr": 1}
-    trainer = SimpleNamespace(
-        max_epochs=4, current_epoch=2, num_training_batches=10, callback_metrics=metrics
-    )  # fmt: skip
-    bar = ProgressBar()
-    bar.on_train_start(trainer, None)
-    (epochs,) = Stage.levels
-    assert (epochs.label, epochs.done) == ("epoch 3/4", 2)
-    bar.on_train_batch_end(trainer, None, None, None, 4)
-    assert (epochs.label, epochs.done) == ("epoch 3/4, loss 0.5, votes 40%", 2.5)
-    bar.on_train_epoch_end(trainer, None)
-    assert (Stage.levels, epochs.done) == ([epochs], 3)
-    bar.on_exception(trainer, None, KeyboardInterrupt())
-    assert Stage.levels == []
 
 
 def test_what_a_killed_run_kept_to_resume_from_goes_once_it_is_trained(tmp_path: Path) -> None:

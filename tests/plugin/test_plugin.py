@@ -2,7 +2,6 @@
 
 import csv
 import json
-import shutil
 import sys
 from pathlib import Path
 
@@ -53,22 +52,19 @@ def data(flat) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def run(run_once, data, tmp_path_factory) -> Path:
-    """A reader, a trunk, a sense, a callback and a logger of the user's in one fusion."""
-    diary = tmp_path_factory.mktemp("diary") / "diary.txt"
+def run(run_once, data) -> Path:
+    """A reader, a trunk and a sense of the user's in one fusion."""
     senses = ["model=fusion", "model.senses=[force,visual]", "trunk=small"]
-    parts = ["callbacks=[diary]", f"callbacks.diary.path={diary}", "logger=text"]
     budget = ["model.budget=1", "model.force.fit.learning_rate=0.02", "data.val_fold=null"]
-    folder = run_once(*CONF, *data, *senses, *parts, *budget, "model.visual.trunk.channels=6")
-    shutil.copy(diary, folder / "diary.txt")
-    return folder
+    parts = ["logger=csv", "model.visual.trunk.channels=6"]
+    return run_once(*CONF, *data, *senses, *budget, *parts)
 
 
 def results(folder: Path) -> dict:
     return json.loads((folder / "results.json").read_text())
 
 
-def test_reader_trunk_sense_callback_and_logger_of_a_user_train(run):
+def test_reader_trunk_and_sense_of_a_user_train(run):
     found = results(run)
     assert (found["data"], found["classes"]) == ("flat", list(CLASSES))
     networks = found["networks"]
@@ -76,10 +72,6 @@ def test_reader_trunk_sense_callback_and_logger_of_a_user_train(run):
     assert networks["force"]["vote_accuracy"] == 1  # its budget is not that of debug=tiny
     assert networks["fusion"]["test_samples"] == 3
     assert networks["fusion"]["parameters"] > networks["force"]["parameters"] > 0
-    assert (run / "diary.txt").read_text().startswith("0\n1\n")
-    lines = (run / "visual.txt").read_text()
-    assert "train/loss" in lines
-    assert "test/vote_accuracy" in lines
     content = read_checkpoint(run / "checkpoints" / "visual.ckpt")
     card = content["hyper_parameters"]["card"]
     assert card["senses"]["visual"]["trunk"] == {"_target_": "my_ext.SmallTrunk", "channels": 6}
@@ -125,52 +117,14 @@ def test_it_evaluates_predicts_and_is_perturbed(cli, run, data, flat, tmp_path):
     assert [*tried][-3:] == ["drift", "stains", "image_missing"]
 
 
-def test_classes_are_added_to_the_senses_of_a_user(cli, run, data, flat, tmp_path):
-    new = tmp_path / "new"
-    new.mkdir()
-    for path in flat.glob("gamma_*"):
-        shutil.copy(path, new / path.name.replace("gamma", "delta"))
-    outcome = cli(
-        *CONF, *data, f"data.reader.folder={new}", "trusted=[my_ext]", "task=enroll",
-        f"checkpoint={run}/checkpoints/fusion.ckpt", "data.per_class=5",
-        f"hydra.run.dir={tmp_path}/run",
-    )  # fmt: skip
-    assert outcome.status == 0, outcome.err
-    model = tl.load(tmp_path / "run", trusted=["my_ext"])
-    assert model.classifier.card.classes == [*CLASSES, "delta"]
-    old = tl.load(run / "checkpoints" / "fusion.ckpt", trusted=["my_ext"]).classifier
-    force = torch.from_numpy(np.load(flat / "beta_9.npy"))[None]
-    before, after = (each.partial_logits("force", force) for each in (old, model.classifier))
-    torch.testing.assert_close(after[:3], before)
-    for label, same in (("beta", ["beta"]), ("gamma", ["gamma", "delta"])):  # of this sense alone
-        assert model.predict(force=flat / f"{label}_9.npy").label in same
-
-
-GREY = ["model=fusion", "model.senses=[grey]"]
-
-
-@pytest.fixture(scope="module")
-def grey(run_once, data) -> Path:
+def test_photos_with_features_of_the_user_train_and_predict(cli, run_once, data, flat):
     augmentation = "{_target_: kornia.augmentation.RandomHorizontalFlip, p: 1}"
-    return run_once(*CONF, *data, *GREY, f"+model.grey.fit.augmentation={augmentation}")
-
-
-def test_photos_with_features_of_the_user_train_and_predict(cli, grey, flat):
+    given = ["model=fusion", "model.senses=[grey]", f"+model.grey.fit.augmentation={augmentation}"]
+    grey = run_once(*CONF, *data, *given)
     assert results(grey)["networks"]["grey"]["test_samples"] == 3
     known = [*CONF, "trusted=[my_ext]", f"checkpoint={grey}"]
     outcome = cli(*known, "task=predict", f"image={flat}/beta_0.png")
     assert json.loads(outcome.out)["label"] in CLASSES
-
-
-def test_a_network_of_the_user_with_too_many_scores_ends_before_training(cli, data, tmp_path):
-    where = f"hydra.run.dir={tmp_path}"
-    outcome = cli(*CONF, *data, *GREY, "+model.grey.network.surplus=1", where)
-    assert outcome.status == 2
-    assert (
-        "model.grey.network (GreyNet) gave 4 scores at each position, and there are 3"
-        in outcome.err
-    )
-    assert not (tmp_path / "checkpoints").exists()
 
 
 def test_a_baseline_of_the_user_is_fitted_and_loaded(cli, data, flat, monkeypatch, tmp_path):

@@ -23,12 +23,3 @@ def test_no_name_lies_over_another(count):
             across = min(one.x1, other.x1) - max(one.x0, other.x0)
             upwards = min(one.y1, other.y1) - max(one.y0, other.y0)
             assert min(across, upwards) <= 1
-
-
-def test_a_matrix_of_very_many_classes_is_no_larger():
-    """Of a thousand it would take two gigabytes, and no picture so large is read again."""
-    names, counts = [f"m{at % 10} {at}" for at in range(400)], np.eye(400, dtype=np.int64)
-    largest = confusion_figure(counts[:150, :150], names[:150], "t")
-    figure = confusion_figure(counts, names, "t")
-    assert figure.get_size_inches() == pytest.approx(largest.get_size_inches())
-    assert [label.get_text() for label in figure.axes[0].get_yticklabels()] == []

@@ -49,22 +49,6 @@ def test_only_classes_that_occur_are_coloured_and_named():
     assert len(set(named.values())) == 3
 
 
-def test_the_map_over_the_photo_has_the_colours_of_the_legend():
-    labels = np.array([[0, 1], [0, 1]])
-    found = explanation(photo_evidence(labels, 3))
-    colours = [np.array(colour[:3]) for colour in legend(found).values()]
-    part = found.figure().subfigs[0]
-    titles = [axes.get_title() for axes in part.axes[:2]]
-    assert titles == ["photo, in pixels", "class of every position"]
-    mapped = part.axes[1].get_images()[0]
-    assert mapped.get_extent() == [0, 300, 300, 0]
-    pixels = np.asarray(mapped.get_array())
-    np.testing.assert_allclose(
-        pixels[:, :150].reshape(-1, 3) * 2, colours[0] + 0 * pixels[:, :150].reshape(-1, 3)
-    )
-    np.testing.assert_allclose(pixels[0, -1] * 2, colours[1])
-
-
 @pytest.fixture(scope="module")
 def fused() -> Explanation:
     torch.manual_seed(1)

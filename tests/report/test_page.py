@@ -70,8 +70,3 @@ def test_what_files_say_is_text(tmp_path):
     assert "<script>" in page.words
     assert "<img src=x>" in page.words
     assert {"script", "img", "b"}.isdisjoint(tag for tag, _ in page.tags)
-
-
-def test_an_empty_run_folder_gives_a_page(tmp_path):
-    write_report(tmp_path)
-    assert "How it was made" in (tmp_path / "report.html").read_text()

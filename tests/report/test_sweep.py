@@ -33,27 +33,12 @@ def ended(monkeypatch):
     return end
 
 
-def test_tasks_with_tables_of_their_own_are_done(tmp_path, ended):
+def test_tables_of_their_own_are_done_and_a_failure_among_them_is_counted(tmp_path, ended):
     job(tmp_path / "0", "frontier", {"chosen": "lbp"})
-    job(tmp_path / "1", "stability", {"systems": {}})
-    job(tmp_path / "2", "stream", None)
-    assert ended(tmp_path) == {"0": "done", "1": "done", "2": "done"}
-    assert SweepSummary.failures == 0
-
-
-def test_a_failure_among_them_is_counted(tmp_path, ended):
-    job(tmp_path / "0", "frontier", {"chosen": "lbp"})
-    job(tmp_path / "1", "fit", None)
-    assert ended(tmp_path) == {"0": "done", "1": "not finished"}
+    job(tmp_path / "1", "stream", None)
+    job(tmp_path / "2", "fit", None)
+    assert ended(tmp_path) == {"0": "done", "1": "done", "2": "not finished"}
     assert SweepSummary.failures == 1
-
-
-def test_overrides_that_only_a_job_can_resolve_are_kept_as_they_are(tmp_path, ended):
-    job(tmp_path / "0", "frontier", {"chosen": "lbp"})
-    asked = "data.root=${oc.env:NOWHERE_SET}"
-    OmegaConf.save([asked], tmp_path / "0" / ".hydra" / "overrides.yaml")
-    ended(tmp_path)
-    assert asked in (tmp_path / "sweep.csv").read_text()
 
 
 def finish(folder: Path, seed: int, correct: int, fold: int = 0) -> None:

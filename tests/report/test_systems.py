@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tex_lightning.evaluation.outcomes import Outcome, write_outcomes
+from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes
 from tex_lightning.report.document import System, _against, accuracy_table, read_systems
 
 ENTRY = {"fit_seconds": 1.0, "parameters": 7}
@@ -62,6 +62,14 @@ def test_runs_of_several_folds_are_one_system_and_other_settings_another(tmp_pat
         "data.rate=500": 2,
         "data.rate=900": 1,
     }
+
+
+def test_parts_of_a_fusion_are_systems_inside_it(fused):
+    systems = {system.kind: system for system in read_systems([fused])}
+    inside = {kind: system.inside for kind, system in systems.items()}
+    assert inside == {"haptic": "fusion", "visual": "fusion", "fusion": ""}
+    outcomes = read_outcomes(fused / "predictions" / "haptic.csv")
+    assert systems["haptic"].outcomes == outcomes
 
 
 def test_runs_that_test_conditions_are_pooled_as_unseen(tmp_path):

@@ -3,7 +3,6 @@
 import io
 
 import pytest
-from omegaconf import OmegaConf
 from rich.console import Console
 
 from tex_lightning.report import frontier_chart, sweep, table
@@ -64,47 +63,6 @@ def test_what_was_asked_for_is_shown_beside_chance(printed, tmp_path):
     assert rows["AUROC of unknown"] == ["0.988"]
     assert rows["labelled (from 0.9)"] == ["75.0%"]
     assert "correct of these" not in rows
-
-
-@pytest.mark.parametrize("data", ["manifest", "synthetic"])
-def test_votes_by_condition_are_shown_of_a_manifest(printed, tmp_path, data):
-    counts = {"correct": 1, "test_samples": 2, "vote_accuracy": 0.5, "vote_ci95": [0, 1]}
-    conditions = {"speed": {"60": counts, "90": counts}, "light": {"lamp": counts}}
-    network = {**NETWORK, "conditions": conditions}
-    table.print_results({**RUN, "data": data, "networks": {"haptic": network}}, tmp_path)
-    text = printed()
-    assert ("speed" in text) == (data == "manifest")
-    assert "lamp" not in text  # one value, whose votes are all votes
-
-
-def test_a_job_of_a_sweep_leaves_the_table_to_the_summary(printed, monkeypatch, tmp_path):
-    monkeypatch.setattr(table.Screen, "sweep", True)
-    results = {**RUN, "networks": {"haptic": NETWORK}}
-    table.print_results(results, tmp_path)
-    assert table.console.file.getvalue() == ""
-
-
-def test_frontier(printed, monkeypatch, tmp_path):
-    monkeypatch.setattr("tex_lightning.core.console.console", table.console)
-    row = {
-        "system": "hapticnet_w0.5_sequential", "parameters": 123_456_789, "fit_seconds": 12_345.6,
-        "vote_accuracy": 1.0, "ci_low": 0.978, "ci_high": 1.0, "on_frontier": True, "chosen": True,
-        "latency_ms_mean": 1234.5,
-    }  # fmt: skip
-    procedure = {"vote_accuracy": 0.5}
-    frontier_chart.print_frontier([row], procedure, tmp_path, "python -m tex_lightning")
-    text = table.console.file.getvalue()
-    assert "hapticnet_w0.5_sequential" in text
-    assert "97.8-100.0" in text
-    assert max(map(len, text.partition("ms:")[0].splitlines())) <= 80
-
-
-def test_tiny_runs_are_warned_of(printed, tmp_path):
-    (tmp_path / ".hydra").mkdir()
-    OmegaConf.save(["seed=1", "debug=tiny"], tmp_path / ".hydra" / "overrides.yaml")
-    results = {**RUN, "networks": {"haptic": NETWORK}}
-    table.print_results(results, tmp_path)
-    assert "figures mean nothing" in printed()
 
 
 def test_sweep(printed, tmp_path):

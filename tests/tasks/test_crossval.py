@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -60,6 +61,10 @@ def test_a_sweep_over_folds_pools_them(swept):
     assert first["status"] == second["status"] == pooled["status"] == "done"
     assert (pooled["job"], int(pooled["test_samples"])) == ("2 folds", 6)
     assert int(pooled["correct"]) == int(first["correct"]) + int(second["correct"])
+    report = (swept / "report.md").read_text()
+    assert re.search(r"\| Modified MFCC decreasing .*\(\d/6\)", report)
+    for name in re.findall(r"\]\((figures/[^)]+)\)", report):
+        assert (swept / name).read_bytes().startswith(b"\x89PNG")
 
 
 def test_one_failing_job_does_not_hide_the_others(cli, tiny, tmp_path):

@@ -62,12 +62,6 @@ def test_the_threshold_of_rejection_travels_with_the_checkpoint(sequential, surf
     assert tl.load(sequential, "decision.reject_below=1").predict(haptic=file).rejected
 
 
-def test_a_class_to_hold_out_that_the_data_has_not_is_refused(cli, surfaces):
-    outcome = cli("data=folder", f"data.root={surfaces}", "data.hold_out=[alpha beta]")
-    assert outcome.status == 2
-    assert "with commas between names" in outcome.err
-
-
 def test_the_bound_is_clopper_pearsons():
     assert upper_bound(0, 29, 0.95) == pytest.approx(1 - 0.05 ** (1 / 29))
     assert upper_bound(2, 40, 0.95) == pytest.approx(beta(3, 38).ppf(0.95))

@@ -24,23 +24,3 @@ def test_it_is_predicted_from_and_streamed(cli, files):
     outcome = cli("task=stream", *given, "stream.chunk=2.5")
     assert outcome.status == 0, outcome.err
     assert [json.loads(line)["time"] for line in outcome.out.splitlines()] == [2.5, 5.0]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["task=predict", "+smell=WAV"], "smell"),
-        (["task=stream", "+smell=WAV"], "smell"),
-        (
-            ["task=record", "checkpoint=null", "record.label=a", "+smell=WAV"],
-            "smel",
-        ),
-        (["task=predict", "hatpic=A.wav"], "There is no key hatpic (did you mean"),
-        (["task=fit", "checkpoint=null", "+force=WAV"], "There is no key force"),
-    ],
-)
-def test_one_that_is_not_read_is_refused(cli, files, tmp_path, arguments, said):
-    given = [each.replace("WAV", str(files[1])) for each in arguments]
-    outcome = cli(f"checkpoint={files[0]}", *given, f"hydra.run.dir={tmp_path}/run")
-    assert (outcome.status, outcome.err.count("\n")) == (2, 1)
-    assert said in outcome.err

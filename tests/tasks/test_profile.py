@@ -2,8 +2,6 @@
 
 import json
 import math
-import sys
-from types import ModuleType
 
 import pytest
 import torch
@@ -12,14 +10,10 @@ from torch import nn
 from tex_lightning.inference.engine import count_macs
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.studies.profile import (
-    SHAPES,
     WindowNet,
     agreement,
     cut_windows,
-    gemm_gflops,
-    products,
 )
-from tex_lightning.studies.timing import Timing
 
 CONTRACT = {
     "fcn_ms", "sliding_window_ms", "speedup", "speedup_same_engine", "engine_speedup",
@@ -50,30 +44,6 @@ def test_profile_of_both_networks(cli, tmp_path):
     assert results["networks"]["visual"]["windows"] == 4 * 2  # 320x256 pixels, 224 every 32
 
 
-class Plain(nn.Module):
-    """A network of one's own that does not say its geometry."""
-
-    def __init__(self, classes):
-        super().__init__()
-        self.layer = nn.Conv2d(1, classes, (50, 3))
-
-    def features(self, x, level):
-        return self.layer(x).squeeze(2)
-
-
-def test_the_geometry_of_a_network_of_ones_own_is_found(cli, tmp_path, monkeypatch):
-    module = ModuleType("plain_network")
-    module.Plain = Plain
-    monkeypatch.setitem(sys.modules, "plain_network", module)
-    network = "model.haptic.network={_target_: plain_network.Plain}"
-    run = f"hydra.run.dir={tmp_path}/run"
-    outcome = cli("task=profile", "model=haptic", network, "debug=tiny", run)
-    assert outcome.status == 0, outcome.err
-    profile = json.loads((tmp_path / "run" / "results.json").read_text())["networks"]["haptic"]
-    assert profile["windows"] > 1
-    assert profile["label_agreement"] == 1
-
-
 def test_a_twin_with_other_weights_is_found_out():
     torch.manual_seed(0)
     network = HapticNet(4, width=0.1).eval()
@@ -90,9 +60,3 @@ def test_macs_are_those_of_the_textbook():
     network = nn.Sequential(nn.Conv2d(3, 4, 3, padding=1), nn.BatchNorm2d(4), nn.Conv2d(4, 5, 1))
     x = torch.zeros(1, 3, 10, 12)
     assert count_macs(lambda: network.eval()(x)) == 10 * 12 * (4 * 3 * 9 + 5 * 4)
-
-
-def test_the_rate_is_that_of_the_fastest_product():
-    timings = {"10x20x30": Timing(2.0, 2.0, (2.0,)), "1000x1000x1000": Timing(10.0, 10.0, (10.0,))}
-    assert gemm_gflops(timings) == pytest.approx(200.0)  # 2e9 operations in 10 ms
-    assert len(products(torch.device("cpu"))) == len(SHAPES)

@@ -60,11 +60,8 @@ def test_samples_from_standard_input(cli, stream, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("content", "arguments", "said"),
     [
-        ([], ["haptic=/no.wav"], "/no.wav does not exist"),
         ([], ["haptic=[a.wav,b.wav]"], "give one file"),
-        ([], ["haptic=-", "image=a.jpg"], "does not look at image"),
         ([], ["haptic=-", "sound=-"], "only one signal can be standard input"),
-        ([], ["haptic=-", "stream.window=2"], "too soon for a vote"),
         ([0] * 500, ["haptic=-"], "record a longer stroke"),
         ([], [], "give haptic=FILE, or haptic=-"),
         ([np.nan] * 500, ["haptic=-"], "NaN, infinity or a number beyond 1e+09 at sample 0"),

@@ -43,10 +43,7 @@ def test_a_baseline_is_refused_in_one_sentence(cli, naive_bayes, files, tmp_path
         tl.load(naive_bayes).explain(haptic=files["haptic"])
 
 
-def test_a_part_of_a_fusion_and_equal_cuts_are_drawn(untrained, bands, files, tmp_path):
-    part = tl.load(untrained).explain(image=files["image"])
-    assert list(part.senses) == ["visual"]
-    assert part.prediction.label == tl.load(untrained).predict(image=files["image"]).label
+def test_equal_cuts_are_drawn(bands, files, tmp_path):
     cuts = tl.load(bands).explain(haptic=files["haptic"])
     evidence = cuts.senses["haptic"]
     assert evidence.columns[-1, 1] == evidence.seconds == 2.4

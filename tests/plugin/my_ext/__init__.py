@@ -6,8 +6,6 @@ from typing import ClassVar
 
 import numpy as np
 import torch
-from lightning import Callback
-from lightning.pytorch.loggers.logger import DummyLogger
 from torch import Tensor, nn
 
 from tex_lightning.baselines.base import Baseline
@@ -77,30 +75,6 @@ class ForceNet(nn.Module):
         return hidden if level == "fc2" else self.score_layer(hidden)
 
 
-class Diary(Callback):
-    """Writes a line for every epoch."""
-
-    def __init__(self, path: str) -> None:
-        self.path = Path(path)
-
-    def on_train_epoch_end(self, trainer: object, pl_module: object) -> None:
-        with self.path.open("a") as file:
-            file.write(f"{pl_module.current_epoch}\n")
-
-
-class TextLogger(DummyLogger):
-    """Writes metrics as lines."""
-
-    def __init__(self, save_dir: str, version: str) -> None:
-        super().__init__()
-        self.path = Path(save_dir) / f"{version}.txt"
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-
-    def log_metrics(self, metrics: dict[str, float], step: int | None = None) -> None:
-        with self.path.open("a") as file:
-            file.write(f"{step} {metrics}\n")
-
-
 @dataclass
 class NearestSlope(Baseline):
     """The class whose mean slope of brightness is nearest."""
@@ -154,11 +128,9 @@ class Grey(nn.Module):
 class GreyNet(nn.Module):
     """Scores of pieces of 32 pixels."""
 
-    def __init__(self, classes: int, surplus: int = 0) -> None:
+    def __init__(self, classes: int) -> None:
         super().__init__()
-        self.layers = nn.Sequential(
-            nn.Conv2d(1, 4, 32, 32), nn.ReLU(), nn.Conv2d(4, classes + surplus, 1)
-        )
+        self.layers = nn.Sequential(nn.Conv2d(1, 4, 32, 32), nn.ReLU(), nn.Conv2d(4, classes, 1))
 
     def features(self, x: Tensor, level: str) -> Tensor:
         return self.layers(x)
