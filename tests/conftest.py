@@ -335,8 +335,14 @@ def no_pretrained_default() -> Iterator[None]:
 def save_checkpoint(card: Card, path: Path) -> Path:
     """A checkpoint of random weights."""
     torch.manual_seed(0)
-    state = lightning_state(SurfaceClassifier(card))
-    torch.save({"hyper_parameters": {"card": card.to_dict()}, "state_dict": state}, path)
+    return save_classifier(SurfaceClassifier(card), path)
+
+
+def save_classifier(classifier: SurfaceClassifier, path: Path, **changes: Any) -> Path:
+    """A checkpoint of a classifier; ``changes`` replace what is in it."""
+    parameters = {"card": classifier.card.to_dict()}
+    content = {"hyper_parameters": parameters, "state_dict": lightning_state(classifier)}
+    torch.save(content | changes, path)
     return path
 
 

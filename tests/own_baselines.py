@@ -18,8 +18,6 @@ class Loudness(Baseline):
     kind: ClassVar = "haptic"
 
     def fit(self, recordings: Any, labels: Any, seed: int, groups: Any) -> None:
-        if self.spoil == "raise":
-            raise KeyError("boom of a user")
         levels = np.array([trace.std() for trace in recordings])
         means = [levels[labels == label].mean() for label in range(labels.max() + 1)]
         self.means, self.outside, self.groups = torch.tensor(means), 1.0, list(groups)
@@ -29,8 +27,8 @@ class Loudness(Baseline):
         if self.spoil == "outside":
             scores = scores + getattr(self, "outside", 0.0)
         spoilt = {
-            "none": None, "list": scores.tolist(), "array": scores.numpy(), "flat": scores[:, 0],
-            "whole": scores.long(), "nan": scores * torch.nan, "more": scores.repeat(2, 1),
+            "none": None, "array": scores.numpy(), "flat": scores[:, 0],
+            "nan": scores * torch.nan, "more": scores.repeat(2, 1),
         }  # fmt: skip
         return spoilt.get(self.spoil, scores)
 

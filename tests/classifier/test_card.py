@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from conftest import make_card
+from conftest import make_card, save_classifier
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -44,9 +44,7 @@ def test_a_value_that_cannot_be_meant_is_said_when_it_is_loaded(tmp_path, key, v
     for name in outer:
         place = place[name]
     place[last] = value
-    state = {f"classifier.{k}": v for k, v in SurfaceClassifier(CARD).state_dict().items()}
-    content = {"hyper_parameters": {"card": card}, "state_dict": state}
-    torch.save(content, tmp_path / "m.ckpt")
+    save_classifier(SurfaceClassifier(CARD), tmp_path / "m.ckpt", hyper_parameters={"card": card})
     with pytest.raises(UserError, match="is damaged or was not written by tex_lightning") as caught:
         SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt")
     assert len(str(caught.value)) < 400
@@ -68,16 +66,13 @@ def test_a_decision_given_goes_before_the_cards():
 
 
 def test_a_network_larger_than_its_file_and_weights_of_nan_are_refused(tmp_path):
-    state = {f"classifier.{k}": v for k, v in SurfaceClassifier(CARD).state_dict().items()}
-    card = CARD.to_dict()
+    classifier, card = SurfaceClassifier(CARD), CARD.to_dict()
     card["senses"]["haptic"]["width"] = 99.0
-    torch.save({"hyper_parameters": {"card": card}, "state_dict": state}, tmp_path / "m.ckpt")
+    save_classifier(classifier, tmp_path / "m.ckpt", hyper_parameters={"card": card})
     with pytest.raises(UserError, match=r"m.ckpt cannot be used: .*more weights than the file"):
         SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt")
-    first = next(key for key, value in state.items() if value.is_floating_point())
-    state[first] = torch.full_like(state[first], torch.nan)
-    content = {"hyper_parameters": {"card": CARD.to_dict()}, "state_dict": state}
-    torch.save(content, tmp_path / "m.ckpt")
+    torch.nn.init.constant_(next(classifier.parameters()), torch.nan)
+    save_classifier(classifier, tmp_path / "m.ckpt")
     with pytest.raises(UserError, match="is damaged or was not written"):
         SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt")
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import torch
-from conftest import make_card
+from conftest import make_card, save_classifier
 
 from tex_lightning.classifier.classifier import SurfaceClassifier, content_seed
 from tex_lightning.classifier.vote import random_tuples
@@ -65,12 +65,6 @@ def test_the_label_depends_on_the_sample_alone():
         assert torch.equal(left.fragments, right.fragments)
 
 
-def save(model: SurfaceClassifier, path, **changes) -> None:
-    state = {f"classifier.{key}": value for key, value in model.state_dict().items()}
-    content = {"hyper_parameters": {"card": model.card.to_dict()}, "state_dict": state}
-    torch.save({**content, **changes}, path)
-
-
 @pytest.mark.parametrize("level", ["fc2", "fc3"])
 @pytest.mark.parametrize("kind", SENSES)
 def test_a_checkpoint_rebuilds_it(tmp_path, kind, level):
@@ -78,7 +72,7 @@ def test_a_checkpoint_rebuilds_it(tmp_path, kind, level):
     for name, sense in model.senses.items():
         if hasattr(features := sense.features, "fit"):
             features.fit([features.magnitudes(sample()[name])])
-    save(model, tmp_path / "m.ckpt")
+    save_classifier(model, tmp_path / "m.ckpt")
     again = SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt", model.card.kind)
     torch.testing.assert_close(model.logits(**sample()), again.logits(**sample()), rtol=0, atol=0)
     assert again.card == model.card
@@ -117,12 +111,12 @@ def test_foreign_damaged_and_mistaken_checkpoints_are_refused(tmp_path):
     path = tmp_path / "m.ckpt"
     model = classifier("haptic")
     for changes in ({"state_dict": {}}, {"hyper_parameters": {"lr": 1}}, {"hyper_parameters": 3}):
-        save(model, path, **changes)
+        save_classifier(model, path, **changes)
         with pytest.raises(
             UserError, match=r"damaged or was not written|more weights than the file"
         ):
             SurfaceClassifier.from_checkpoint(path)
-    save(model, path)
+    save_classifier(model, path)
     with pytest.raises(UserError, match="holds a haptic network where a visual network"):
         SurfaceClassifier.from_checkpoint(path, "visual")
     with pytest.raises(UserError, match="does not exist"):

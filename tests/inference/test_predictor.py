@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 import soundfile
 import torch
-from conftest import RATE, make_card, make_photo, make_trace
+from conftest import RATE, make_card, make_photo, make_trace, save_checkpoint
 from PIL import Image
 
 import tex_lightning as tl
-from tex_lightning.classifier.classifier import SurfaceClassifier
 
 TRACE, PHOTO = make_trace(0, 0), make_photo(1, 0)
 PHOTO[..., 0] //= 2  # so that the order of colours matters
@@ -147,11 +146,7 @@ def test_a_stream_adds_what_a_photo_says_once(fusion):
 
 
 def test_signals_of_a_stream_come_together(tmp_path):
-    torch.manual_seed(0)
-    model = SurfaceClassifier(make_card("haptic", "sound", width=0.1))
-    state = {f"classifier.{key}": value for key, value in model.state_dict().items()}
-    content = {"hyper_parameters": {"card": model.card.to_dict()}, "state_dict": state}
-    torch.save(content, tmp_path / "fusion.ckpt")
+    save_checkpoint(make_card("haptic", "sound", width=0.1), tmp_path / "fusion.ckpt")
     sound = np.random.default_rng(0).standard_normal(105_840).astype(np.float32)
     for window, fragments in (("null", 50), ("1", 50)):
         stream = tl.load(tmp_path / "fusion.ckpt", f"stream.window={window}").stream()

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 import torch
-from conftest import make_card, make_trace
+from conftest import make_card, make_trace, save_classifier
 from torch import nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
@@ -143,10 +143,7 @@ def test_fusion_starts_from_checkpoints_of_three_senses(tmp_path):
         single = module(name)
         for buffer in single.classifier.senses[name].features.buffers():
             buffer.add_(0.5)  # what features have learnt comes along
-        card = {"card": single.classifier.card.to_dict()}
-        paths[name] = tmp_path / f"{name}.ckpt"
-        content = {"state_dict": single.state_dict(), "hyper_parameters": card}
-        torch.save(content, paths[name])
+        paths[name] = save_classifier(single.classifier, tmp_path / f"{name}.ckpt")
     model = module("three")
     starts = {name: SurfaceClassifier.from_checkpoint(path) for name, path in paths.items()}
     start_fusion(model, starts, "scores")

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from conftest import make_card, trunk_node
+from conftest import make_card, save_classifier, trunk_node
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.errors import UserError
@@ -19,20 +19,13 @@ def classifier(kind: str, classes: int, **changes) -> SurfaceClassifier:
     return SurfaceClassifier(replace(card, trained_on={"seen": seen}))
 
 
-def saved(source: SurfaceClassifier, path) -> str:
-    state = {f"classifier.{key}": value for key, value in source.state_dict().items()}
-    card = source.card.to_dict()
-    torch.save({"state_dict": state, "hyper_parameters": {"card": card}}, path)
-    return str(path)
-
-
 @pytest.mark.parametrize("kind", ["haptic", "visual"])
 def test_the_trunk_is_taken_and_the_head_is_not(kind, tmp_path):
     source, target = classifier(kind, 5), classifier(kind, 3)
     head = {key: value.clone() for key, value in target.network.head.state_dict().items()}
     for buffer in source.network.trunk.buffers():
         buffer.add_(1)  # running statistics come along
-    message = start_trunk(target, saved(source, tmp_path / "a.ckpt"))
+    message = start_trunk(target, str(save_classifier(source, tmp_path / "a.ckpt")))
     assert "trained on 5 recordings" in message
     for part, expected in (("trunk", source.network.trunk.state_dict()), ("head", head)):
         found = getattr(target.network, part).state_dict()
@@ -49,13 +42,13 @@ def test_the_trunk_is_taken_and_the_head_is_not(kind, tmp_path):
     ],
 )
 def test_another_trunk_is_refused_with_what_to_set(kind, changes, message, tmp_path):
-    path = saved(classifier(kind, 3, **changes), tmp_path / "a.ckpt")
+    path = str(save_classifier(classifier(kind, 3, **changes), tmp_path / "a.ckpt"))
     with pytest.raises(UserError, match=message):
         start_trunk(classifier(kind, 3), path)
 
 
 def test_other_sources_are_refused(tmp_path):
-    visual = saved(classifier("visual", 3), tmp_path / "a.ckpt")
+    visual = str(save_classifier(classifier("visual", 3), tmp_path / "a.ckpt"))
     with pytest.raises(UserError, match="holds a visual network where a haptic network"):
         start_trunk(classifier("haptic", 3), visual)
     with pytest.raises(UserError, match="HapticNet starts from a checkpoint"):

@@ -4,9 +4,8 @@ from pathlib import Path
 
 import pytest
 import torch
-from conftest import make_card
+from conftest import make_card, save_checkpoint
 
-from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_state
 from tex_lightning.errors import UserError
 from tex_lightning.learning.train import _take_best, checkpoint_of, train_network
 from tex_lightning.learning.trainer import CheckpointFiles
@@ -31,10 +30,9 @@ def test_a_write_that_fails_leaves_the_earlier_checkpoint_whole(tmp_path: Path) 
 def test_what_a_killed_run_kept_to_resume_from_goes_once_it_is_trained(tmp_path: Path) -> None:
     final = checkpoint_of(tmp_path, "haptic")
     working = final.with_suffix("")
-    classifier = SurfaceClassifier(card := make_card("haptic", width=0.1))
-    content = {"hyper_parameters": {"card": card.to_dict()}}
+    card = make_card("haptic", width=0.1)
     working.mkdir(parents=True)
-    torch.save({**content, "state_dict": lightning_state(classifier)}, final)
+    save_checkpoint(card, final)
     (working / "last.ckpt").touch()
     assert train_network(None, card, None, None, tmp_path, {}).checkpoint == final
     assert not working.exists()

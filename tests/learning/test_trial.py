@@ -77,12 +77,6 @@ def test_parts_that_break_their_contract(world, part, spoil, said):
         try_branch(card(**{part: {"spoil": spoil}}), FIT, 20, *world)
 
 
-def test_scores_of_another_number_of_classes(world):
-    said = r"^model\.force\.network \(SpoiltNet\) gave 3 scores at each position, and there are 2"
-    with pytest.raises(UserError, match=said):
-        try_branch(card(network={"more": 1}), FIT, 20, *world)
-
-
 @pytest.mark.parametrize("part", ["features", "network"])
 def test_what_a_part_raises_keeps_its_traceback_after_its_key(world, part):
     with pytest.raises(KeyError, match="boom of a user") as caught:
@@ -146,18 +140,3 @@ def test_baselines_that_keep_their_contract_pass_and_what_they_raise_is_theirs()
     line = "model.baseline (Loudness) raised KeyError: a baseline has fit("
     assert fault_of(caught.value).startswith(line)
     assert traceback.extract_tb(caught.tb)[-1].filename.endswith("own_baselines.py")
-
-
-def test_a_baseline_of_ones_own_is_given_groups_and_its_traceback_is_shown(cli, surfaces, tmp_path):
-    given = [
-        "model=mfcc_nb", "data=folder", f"data.root={surfaces}",
-        "model.baseline={_target_: own_baselines.Loudness}",
-    ]  # fmt: skip
-    given[-1:] = ["~model.baseline", "+model.baseline._target_=own_baselines.Loudness"]
-    outcome = cli(*given, f"hydra.run.dir={tmp_path}/sound")
-    assert outcome.status == 0, outcome.err
-    outcome = cli(*given, "+model.baseline.spoil=raise", f"hydra.run.dir={tmp_path}/raises")
-    assert outcome.status == 1
-    assert "Error: model.baseline (Loudness) raised KeyError: a baseline has" in outcome.err
-    assert 'raise KeyError("boom of a user")' in outcome.err
-    assert not (tmp_path / "raises/checkpoints/haptic.ckpt").exists()

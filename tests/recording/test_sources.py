@@ -1,8 +1,6 @@
 """Bytes to samples, wherever they are cut."""
 
-import os
 import sys
-import threading
 from itertools import pairwise
 
 import numpy as np
@@ -81,16 +79,6 @@ def chunks(given, how, seconds=None, timeout=2.0, modality="haptic"):
     with Signal(modality, f"{modality}={given}", source, timeout) as signal:
         signal.fill(1e6 if seconds is None else seconds)
         return source, signal.take(signal.seconds if seconds is None else seconds)
-
-
-def test_a_fifo(tmp_path):
-    path = tmp_path / "fifo"
-    os.mkfifo(path)
-    writer = threading.Thread(target=path.write_bytes, args=(CONTENT,))
-    writer.start()
-    _, samples = chunks(str(path), settings())
-    writer.join()
-    np.testing.assert_array_equal(samples, SENT)
 
 
 def test_a_serial_port_with_lines_of_text(pty):

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
-from conftest import make_card, make_photo, make_trace
+from conftest import make_card, make_photo, make_trace, save_classifier
 
 import tex_lightning as tl
 from tex_lightning.classifier.classifier import SurfaceClassifier
@@ -47,10 +47,8 @@ def exported(tmp_path_factory):
     )
     classifier = SurfaceClassifier(card).eval()
     add_statistics(classifier)
-    state = {f"classifier.{key}": each for key, each in classifier.state_dict().items()}
-    content = {"hyper_parameters": {"card": classifier.card.to_dict()}, "state_dict": state}
     folder = tmp_path_factory.mktemp("exported")
-    torch.save(content, folder / "fusion.ckpt")
+    save_classifier(classifier, folder / "fusion.ckpt")
     write_onnx(make_onnx(classifier, trace(classifier)), folder / "fusion.onnx")
     return folder / "fusion.ckpt", folder / "fusion.onnx"
 

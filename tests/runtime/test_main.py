@@ -68,22 +68,13 @@ def test_names_of_files_steer_no_terminal_and_keep_their_letters(folder, exporte
     assert "a\\u009b.wav" in failed
 
 
-def test_patterns_and_folders_are_matched_in_order(command, folder):
-    status, lines, _ = command(f"haptic={folder}/*.wav", f"image={folder}/s*.png")
-    assert status == 0
-    assert [line["haptic"] for line in lines] == [str(folder / f"s{n}.wav") for n in (2, 10)]
-    assert [line["image"] for line in lines] == [str(folder / f"s{n}.png") for n in (2, 10)]
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         ([], "NAME=FILE"),
-        (["haptic"], "NAME=FILE"),
         (["haptic=nowhere.wav"], "nowhere.wav does not exist"),
         (["haptic=nowhere/*.wav"], "no file of a known type"),
         (["haptic=a.wav", "rate=8000"], "does not look at rate"),
-        (["sound=nowhere.wav"], "does not look at sound"),
     ],
 )
 def test_mistakes_are_told_in_a_sentence(command, arguments, message):
@@ -99,7 +90,8 @@ def test_what_cannot_be_classified_does_not_stop_the_others(command, folder):
     Image.fromarray(make_photo(0, 0, 480)).save(folder / "s1.png")
     status, lines, told = command(f"haptic={folder}/*.wav", f"image={folder}/*.png")
     assert status == 2
-    assert len(lines) == 2
+    assert [line["haptic"] for line in lines] == [str(folder / f"s{n}.wav") for n in (2, 10)]
+    assert [line["image"] for line in lines] == [str(folder / f"s{n}.png") for n in (2, 10)]
     assert "s1.wav" in told
 
 

@@ -89,8 +89,6 @@ def test_given_checkpoints_are_used_and_checked(cli, tiny, fused, tmp_path):
     assert leak.status == 2
     assert "has trained on 3 of the 3 test recordings" in leak.err
     assert "data.test_fold=0 as in its training" in leak.err
-    swapped = [f"model.fusion.haptic_checkpoint={visual}", given[1]]
-    assert cli("model=fusion", *swapped, *tiny, f"hydra.run.dir={tmp_path}/c").status == 2
 
 
 HAPTIC = ["model=haptic", "model.haptic.fit.epochs=3"]

@@ -184,11 +184,9 @@ def test_every_subset_of_the_senses_is_a_system(force, surfaces, tmp_path):
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (["frontier.only=[nothing]"], "does not have"),
         (["frontier.only=[minirocket]"], "minirocket needs aeon.*is not installed"),
         (["data.folds=2"], "two are left out of training, choose 3 or more"),
         (["frontier.senses=[haptic,taste]"], "frontier.senses is taste"),
-        (["frontier.senses=[]"], "frontier.senses names nothing"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(overrides, message, tmp_path, monkeypatch):

@@ -9,7 +9,6 @@ from tex_lightning.config.composition import compose_config, read_config
 from tex_lightning.data.readers import read_recordings
 
 SENSES = {"haptic": "haptic", "visual": "image", "sound": "sound"}  # and their modalities
-SUBSETS = [("haptic", "sound"), tuple(SENSES)]
 SMALL = ["debug=tiny", "data.classes=2", "data.synthetic.recordings=3", "data.folds=3"]
 SMALL += ["data.test_fold=0", "data.val_fold=null", "trainer.threads=1"]
 
@@ -45,9 +44,8 @@ def files(cache) -> dict[str, Path]:
     return {modality: rows.of(modality).rows[0].path for modality in SENSES.values()}
 
 
-@pytest.mark.parametrize("senses", SUBSETS, ids="+".join)
-def test_it_predicts_by_whichever_are_given(cli, every, files, senses):
-    given = {SENSES[name]: files[SENSES[name]] for name in senses}
+def test_it_predicts_by_whichever_are_given(cli, every, files):
+    given = {modality: files[modality] for modality in ("haptic", "sound")}
     outcome = cli(
         "task=predict", f"checkpoint={every}", *[f"{name}={file}" for name, file in given.items()]
     )
@@ -55,4 +53,4 @@ def test_it_predicts_by_whichever_are_given(cli, every, files, senses):
     prediction = json.loads(outcome.out)
     assert prediction["modalities"] == list(given)
     assert {name: Path(prediction[name]) for name in given} == given
-    assert prediction["fragments"] == 50 or len(given) == 1  # `debug=tiny` draws so many tuples
+    assert prediction["fragments"] == 50  # `debug=tiny` draws so many tuples

@@ -94,9 +94,7 @@ def test_mistakes_end_in_one_sentence(cli, surfaces, fused, crossvalidated, tmp_
         assert message in outcome.err
 
     refuse("task=stability needs one")
-    refuse("does not exist; give a run folder", "stability.systems=[/nowhere]")
     refuse("holds no finished checkpoint", f"stability.systems=[{tmp_path}]")
     refuse("has trained on 6 of the 6 test", f"stability.systems=[{fused}]", "data.test_fold=4")
     systems = f"stability.systems=[{crossvalidated}]"
     refuse("(did you mean white_noise?)", systems, "stability.only=[white_nose]")
-    refuse("No system meets jpeg", systems, "stability.only=[jpeg]")

@@ -23,12 +23,9 @@ def config(model: str, weights: str) -> Config:
     ("model", "expected"),
     [
         ("visual", "a.caffemodel"),
-        ("alexnet_fv", "a.caffemodel"),
-        ("visual_vgg_m", "v.caffemodel"),
         ("vgg_m_fv", "v.caffemodel"),
         ("fusion_efficientnet", "imagenet"),
         ("visual_tcnn", None),
-        ("haptic", None),
         ("lbp", None),
     ],
 )
@@ -41,7 +38,6 @@ def test_each_model_finds_its_trunk(model, expected):
     ("weights", "said"),
     [
         ("{vgg: v.mat}", "in weights is vgg .did you mean vgg_m"),
-        ("[a,b]", "weights is"),
         ("3", "weights is"),
     ],
 )

@@ -9,7 +9,6 @@ from PIL import Image
 
 import tex_lightning as tl
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.outcomes import read_outcomes
 
 
 @pytest.fixture(scope="module")
@@ -49,10 +48,3 @@ def test_equal_cuts_are_drawn(bands, files, tmp_path):
     assert evidence.columns[-1, 1] == evidence.seconds == 2.4
     cuts.save(tmp_path / "cuts.png")
     assert (tmp_path / "cuts.png").stat().st_size > 10_000
-
-
-def test_a_run_draws_its_wrong_samples_or_the_least_sure(bands):
-    outcomes = read_outcomes(bands / "predictions" / "haptic.csv")
-    wrong = sum(each.label != each.predicted for each in outcomes)
-    figures = sorted(path.name for path in (bands / "figures").glob("*why*.png"))
-    assert figures == [f"haptic_why_{number}.png" for number in range(1, (wrong or 1) + 1)]
