@@ -164,16 +164,6 @@ class Outcome:
     err: str
 
 
-def write_forces(surfaces: Path, manifest: Path) -> Path:
-    """A manifest that calls the traces of ``surfaces`` by a sense of one's own, ``force``."""
-    lines = [
-        f"{path.parents[1].name},force,{path},{path.stem.split('_')[1]}"
-        for path in sorted(surfaces.glob("*/haptic/*.wav"))
-    ]
-    manifest.write_text("\n".join(["label,modality,path,group", *lines]) + "\n")
-    return manifest
-
-
 def run_main(patch: pytest.MonkeyPatch, *arguments: object) -> int:
     """The exit status of a command, without a thing that takes time and is tested elsewhere.
 

@@ -94,27 +94,6 @@ class SpoiltNet(nn.Module):
         return scores + self.steps if self.spoil == "outside" else _spoilt(scores, self.spoil)
 
 
-class Nearest(nn.Module):
-    """The class whose mean frame is nearest, fitted in closed form."""
-
-    def __init__(self, classes: int, outside: bool = False) -> None:
-        super().__init__()
-        self.outside, self.means = outside, None
-        self.register_buffer("kept", torch.zeros(classes))
-
-    def fit(self, inputs: list[torch.Tensor], labels: torch.Tensor) -> None:
-        means = torch.stack([each.mean() for each in inputs])
-        found = torch.stack([means[labels == each].mean() for each in range(len(self.kept))])
-        if self.outside:
-            self.means = found
-        else:
-            self.kept.copy_(found)
-
-    def features(self, x: torch.Tensor, level: str) -> torch.Tensor:
-        means = self.kept if self.means is None else self.means
-        return -((x - means[:, None]) ** 2)
-
-
 def _spoilt(x: torch.Tensor, how: str) -> Any:
     if how == "raise":
         raise KeyError("boom of a user")

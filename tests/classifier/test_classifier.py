@@ -40,9 +40,8 @@ def sample(seed: int = 0) -> dict[str, torch.Tensor]:
     return {"haptic": trace(seed=seed), "image": photo(seed=seed), "sound": sound(seed=seed)}
 
 
-@pytest.mark.parametrize("kind", ["fusion", "three"])
-def test_fusions_logits_are_those_of_the_stated_tuples(kind):
-    model = classifier(kind)
+def test_fusions_logits_are_those_of_the_stated_tuples():
+    model = classifier("three")
     given = {name: sample()[name] for name in model.card.modalities}
     seed = content_seed(0, *(each.numpy() for each in given.values()))
     with torch.no_grad():
@@ -92,10 +91,7 @@ def own(model: SurfaceClassifier) -> dict[str, torch.Tensor]:
     return {modality: sample()[modality] for modality in model.card.modalities}
 
 
-@pytest.mark.parametrize(
-    "senses",
-    [["haptic", "visual"], ["haptic", "sound"], ["visual", "sound"], ["haptic", "visual", "sound"]],
-)
+@pytest.mark.parametrize("senses", [["haptic", "sound"], ["haptic", "visual", "sound"]])
 def test_scores_of_single_senses_add_up_to_those_of_several(three, senses):
     parts = [three.with_senses([name]) for name in senses]
     scores = [part.logits(**own(part)) for part in parts]

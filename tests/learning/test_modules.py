@@ -64,7 +64,7 @@ def batch_of_three(samples: int) -> dict:
     }
 
 
-@pytest.mark.parametrize("kind", SENSES)
+@pytest.mark.parametrize("kind", ["haptic", "three"])
 def test_every_parameter_is_in_exactly_one_group(kind):
     model = module(kind)
     groups = model.configure_optimizers()["optimizer"].param_groups

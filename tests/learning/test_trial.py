@@ -95,15 +95,6 @@ def test_what_keeps_its_contract_passes(world, caplog):
     assert "model.force.features (Frames) has parameters, and training does not" in caplog.text
 
 
-def test_what_is_fitted_to_buffers_needs_no_gradient(world):
-    nearest = {"_target_": "own_parts.Nearest"}
-    try_branch(card(network=nearest), {**FIT, "epochs": 0}, 20, *world)
-    with pytest.raises(UserError, match="without a gradient"):
-        try_branch(card(network=nearest), FIT, 20, *world)
-    with pytest.raises(UserError, match="gives other outputs once it is saved and loaded"):
-        try_branch(card(network={**nearest, "outside": True}), {**FIT, "epochs": 0}, 20, *world)
-
-
 def try_loudness(spoil: str) -> None:
     node = {"_target_": "own_baselines.Loudness", "spoil": spoil}
     baseline = {"name": "mine", "node": node, "budget": 1, "weights": None}

@@ -70,7 +70,6 @@ def test_what_cannot_be_meant_is_refused(form, axes, content, said):
 
 
 SENT = np.random.default_rng(0).standard_normal((3, 2500)).astype(np.float32)
-CONTENT = SENT.T.astype("<f4").tobytes()
 
 
 def chunks(given, how, seconds=None, timeout=2.0, modality="haptic"):

@@ -7,7 +7,6 @@ import shutil
 import signal
 from pathlib import Path
 
-import pytest
 import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
@@ -94,35 +93,8 @@ def test_given_checkpoints_are_used_and_checked(cli, tiny, fused, tmp_path):
 HAPTIC = ["model=haptic", "model.haptic.fit.epochs=3"]
 
 
-@pytest.fixture(scope="module")
-def reference(tmp_path_factory) -> Path:
-    return tmp_path_factory.mktemp("reference")
-
-
-def test_a_refused_first_attempt_blocks_nothing_and_a_checkpoint_is_written_once(
-    cli, tiny, reference, monkeypatch
-):
-    run = f"hydra.run.dir={reference}"
-    assert cli(*HAPTIC, *tiny, "data.root=/nowhere", run).status == 2
-    touched = []
-
-    def note(verb, function):
-        def call(*arguments, **options):
-            touched.extend((verb, each) for each in arguments if isinstance(each, Path))
-            return function(*arguments, **options)
-
-        return call
-
-    with monkeypatch.context() as patch:
-        patch.setattr(torch, "load", note("read", torch.load))
-        patch.setattr(torch, "save", note("written", torch.save))
-        assert cli(*HAPTIC, *tiny, run).status == 0
-    final = [verb for verb, path in touched if path.parent == reference / "checkpoints"]
-    assert final == ["written"]  # when everything in it is known
-
-
 def test_ctrl_c_then_the_same_command_gives_the_same_weights(
-    cli, tiny, reference, tmp_path, monkeypatch
+    cli, run_once, tiny, tmp_path, monkeypatch
 ):
     """Loader processes do not change them, either."""
     run = [*HAPTIC, *tiny, "data.num_workers=2", f"hydra.run.dir={tmp_path}"]
@@ -142,7 +114,7 @@ def test_ctrl_c_then_the_same_command_gives_the_same_weights(
     assert "goes on after the last finished epoch" in outcome.err
     assert not (tmp_path / "results.json").exists()
     assert cli(*run).status == 0
-    assert same(weights(reference), weights(tmp_path))
+    assert same(weights(run_once(*HAPTIC, *tiny)), weights(tmp_path))
 
 
 def test_a_training_that_diverges_after_its_best_epoch_says_so(cli, tiny, tmp_path, monkeypatch):

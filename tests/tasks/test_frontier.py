@@ -8,13 +8,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import write_forces
 from omegaconf import OmegaConf
 
 from tex_lightning.classifier.card import read_checkpoint
 from tex_lightning.config.check import check_config
 from tex_lightning.config.composition import Job, read_config
-from tex_lightning.config.search import use_config_dir
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.comparison import one_standard_error, partner
 from tex_lightning.evaluation.outcomes import Outcome
@@ -148,37 +146,6 @@ def test_on_votes_of_noise_the_expected_accuracy_is_chance():
 
 def make_job(tmp_path, *overrides: str) -> Job:
     return Job(overrides, tmp_path, "command", True, (), OmegaConf.create({}))
-
-
-@pytest.fixture
-def force(tmp_path, monkeypatch):
-    """A folder with a sense of one's own; it is searched as ``--config-dir``."""
-    (tmp_path / "conf/sense").mkdir(parents=True)
-    (tmp_path / "conf/sense/force.yaml").write_text(
-        "defaults: [signal, bands, _self_]\nmodality: force\n"
-    )
-    use_config_dir(["--config-dir", str(tmp_path / "conf")])
-    yield tmp_path / "conf"
-    use_config_dir([])
-
-
-def test_every_subset_of_the_senses_is_a_system(force, surfaces, tmp_path):
-    manifest = write_forces(surfaces, tmp_path / "m.csv")
-    with manifest.open("a") as stream:
-        for path in surfaces.glob("*/haptic/*.wav"):
-            copy = shutil.copy(path, tmp_path / path.name)
-            stream.write(f"{path.parents[1].name},haptic,{copy},{path.stem[-1]}\n")
-    given = ("experiment=few/fusion", "data=manifest", f"data.manifest={manifest}", "debug=tiny")
-    asked = ("task=frontier", "frontier=senses", *given, "+sense@model.force=force")
-    asked += ("frontier.senses=[haptic,force]",)
-    job = make_job(tmp_path, *asked)
-    systems = compose_family(read_config(job.compose(asked)), job)
-    names = ["haptic", "force", "haptic+force", "haptic+force_sequential"]
-    assert [system.name for system in systems] == names
-    assert [system.config.decision.name for system in systems][2:] == ["max_vote", "sequential"]
-    command = frontier._command(job, systems[1].overrides)
-    assert command.startswith("python -m tex_lightning model=fusion")
-    assert "'model.senses=[force]'" in command
 
 
 @pytest.mark.parametrize(

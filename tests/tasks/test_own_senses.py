@@ -11,14 +11,14 @@ from conftest import RATE, make_card, make_trace, save_checkpoint
 def files(tmp_path_factory):
     """A network on what a force sensor measured, and a trace."""
     folder = tmp_path_factory.mktemp("force")
-    path = folder / "a stroke (1).wav"  # a name that Hydra misreads
+    path = folder / "a stroke (1).wav"  # a name that needs quotes
     soundfile.write(path, make_trace(0, 0, 5.0), RATE, subtype="FLOAT")
     card = make_card("haptic", width=0.1, modality="force")
     return save_checkpoint(card, folder / "force.ckpt"), path
 
 
 def test_it_is_predicted_from_and_streamed(cli, files):
-    given = [f"checkpoint={files[0]}", f"+force={files[1]}"]
+    given = [f"checkpoint={files[0]}", f'+force="{files[1]}"']
     outcome = cli("task=predict", *given)
     assert outcome.status == 0, outcome.err
     outcome = cli("task=stream", *given, "stream.chunk=2.5")

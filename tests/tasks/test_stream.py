@@ -89,16 +89,6 @@ def test_another_rate_is_resampled_on_the_way(cli, stream, tmp_path, monkeypatch
         assert said[-1]["probability"] == pytest.approx(whole["probability"], abs=1e-6)
 
 
-def test_the_label_of_a_window_follows_the_tool(cli, bands, tmp_path):
-    trace = np.concatenate([make_trace(0, 42, 4.0), make_trace(1, 42, 4.0)])
-    given = [f"checkpoint={bands}", write(tmp_path, trace), f"hydra.run.dir={tmp_path / 'run'}"]
-    said = lines(cli("task=stream", *given, "stream.window=1"))
-    labels = [line["label"] for line in said]
-    assert set(labels[2:40]) == {"alpha"}
-    assert set(labels[50:]) == {"beta"}
-    assert all(line["contact"] for line in said)
-
-
 def test_ctrl_c_ends_it_as_elsewhere(cli, stream, surfaces, monkeypatch):
     push = LiveStream.push
 
