@@ -1,10 +1,9 @@
 """Two processes on the CPU beside one: the same weights and votes; all end together.
 
-Lightning starts the second process by the command line of the first, so every run is a real one.
+Lightning starts the second process by the command line of the first, so these runs are real ones.
 """
 
 import csv
-import functools
 import os
 import subprocess
 import sys
@@ -19,15 +18,16 @@ TWO = ["trainer=ddp", "trainer.accelerator=cpu", "trainer.devices=2"]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(CONF.parent), "OMP_NUM_THREADS": "1"}
 
 
-def command(surfaces: Path, cache: Path, directory: Path, *arguments: str) -> list[str]:
-    """Of a small run, nothing in which differs with the number of processes."""
-    return [
-        *("-m", "tex_lightning", "data=folder", f"data.root={surfaces}", "debug=tiny"),
-        *("data.half_scale=false", "trainer.threads=1", f"data.cache_dir={cache}"),
-        *("model.haptic.norm=lrn", "model.haptic.dropout=0", "model.haptic.width=0.1"),
-        *("model.visual.norm=lrn", "model.visual.dropout=0", "model.visual.width=0.1"),
-        *(f"hydra.run.dir={directory}", *arguments),
-    ]
+# Nothing in these networks differs with the number of processes
+SAME = [
+    *("model.haptic.norm=lrn", "model.haptic.dropout=0", "model.haptic.width=0.1"),
+    *("model.visual.norm=lrn", "model.visual.dropout=0", "model.visual.width=0.1"),
+]
+
+
+def command(tiny: list[str], cache: Path, directory: Path, *arguments: str) -> list[str]:
+    folders = [f"data.cache_dir={cache}", f"hydra.run.dir={directory}"]
+    return ["-m", "tex_lightning", *tiny, *SAME, *folders, *TWO, *arguments]
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -62,19 +62,10 @@ def written(directory: Path) -> list[str]:
     return sorted({path.partition(".tfevents")[0] for path in paths})
 
 
-@pytest.fixture(scope="module")
-def alone(surfaces, cache, tmp_path_factory):
+@pytest.fixture
+def alone(run_once, tiny):
     """Make a run in one process."""
-
-    @functools.cache
-    def make(model: str) -> Path:
-        directory = tmp_path_factory.mktemp("one") / "run"
-        single = [f"model={model}", "trainer.accelerator=cpu"]
-        finished = run(*command(surfaces, cache, directory, *single))
-        assert finished.returncode == 0, finished.stderr
-        return directory
-
-    return make
+    return lambda model: run_once(*tiny, *SAME, f"model={model}", "trainer.accelerator=cpu")
 
 
 @pytest.mark.parametrize(
@@ -84,9 +75,9 @@ def alone(surfaces, cache, tmp_path_factory):
         pytest.param("fusion", ["haptic", "visual", "fusion"], marks=pytest.mark.slow),
     ],
 )
-def test_two_processes_train_as_one_does(alone, surfaces, cache, tmp_path, model, kinds):
+def test_two_processes_train_as_one_does(alone, tiny, cache, tmp_path, model, kinds):
     one, two = alone(model), tmp_path / "two"
-    finished = run(*command(surfaces, cache, two, f"model={model}", *TWO))
+    finished = run(*command(tiny, cache, two, f"model={model}"))
     assert finished.returncode == 0, finished.stderr
     assert finished.stderr.count("Results in") == 1
     for kind in kinds:
@@ -102,9 +93,9 @@ def test_two_processes_train_as_one_does(alone, surfaces, cache, tmp_path, model
 
 
 @pytest.mark.slow
-def test_torchrun_starts_all_processes_and_rank_zero_alone_speaks(alone, surfaces, cache, tmp_path):
+def test_torchrun_starts_all_processes_and_rank_zero_alone_speaks(alone, tiny, cache, tmp_path):
     starter = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
-    arguments = command(surfaces, cache, tmp_path / "run", "model=haptic", *TWO)
+    arguments = command(tiny, cache, tmp_path / "run", "model=haptic")
     finished = run(*starter, *arguments)
     assert finished.returncode == 0, finished.stderr
     assert finished.stderr.count("Results in") == 1
@@ -129,12 +120,11 @@ def test_what_cannot_be_shared_is_refused(cli, tmp_path, arguments, message):
     assert not (tmp_path / "settings.json").exists()
 
 
-def test_flags_of_the_trainer_are_passed_on_or_refused(cli, surfaces, tmp_path):
-    small = [f"data.root={surfaces}", "data=folder", "data.half_scale=false", "debug=tiny"]
+def test_flags_of_the_trainer_are_passed_on_or_refused(cli, tiny, tmp_path):
     wrong = "trainer.gradient_clip_vall=1"
-    outcome = cli("model=haptic", *small, wrong, f"hydra.run.dir={tmp_path / 'a'}")
+    outcome = cli("model=haptic", *tiny, wrong, f"hydra.run.dir={tmp_path / 'a'}")
     assert outcome.status == 2
     assert "unexpected keyword argument 'gradient_clip_vall'" in outcome.err
     clipped = ["trainer.gradient_clip_val=1e-12", "logger=csv"]
-    outcome = cli("model=haptic", *small, *clipped, f"hydra.run.dir={tmp_path / 'b'}")
+    outcome = cli("model=haptic", *tiny, *clipped, f"hydra.run.dir={tmp_path / 'b'}")
     assert outcome.status == 0, outcome.err

@@ -97,9 +97,6 @@ def test_a_checkpoint_is_tested_on_the_same_conditions_or_not_at_all(
     other = cli(*task, *given(manifest, tmp_path / "other"))
     assert other.status == 2
     assert f"data.test_fold=0 '{FAST}' as in its training" in other.err
-    start = f"model.fusion.haptic_checkpoint={fused}/checkpoints/haptic.ckpt"
-    begun = cli(*FUSED, start, *given(manifest, tmp_path / "begun"))
-    assert f"'{FAST}' as in its training" in begun.err
 
 
 @pytest.mark.parametrize(
