@@ -126,5 +126,5 @@ def test_flags_of_the_trainer_are_passed_on_or_refused(cli, tiny, tmp_path):
     assert outcome.status == 2
     assert "unexpected keyword argument 'gradient_clip_vall'" in outcome.err
     clipped = ["trainer.gradient_clip_val=1e-12", "logger=csv"]
-    outcome = cli("model=haptic", *tiny, *clipped, f"hydra.run.dir={tmp_path / 'b'}")
+    outcome = cli("model=haptic", *tiny, *SAME, *clipped, f"hydra.run.dir={tmp_path / 'b'}")
     assert outcome.status == 0, outcome.err

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
-from conftest import make_card, make_photo, make_trace, save_classifier
+from conftest import make_card, make_once, make_photo, make_trace, save_classifier
 
 import tex_lightning as tl
 from tex_lightning.classifier.classifier import SurfaceClassifier
@@ -35,8 +35,14 @@ def add_statistics(classifier):
 
 
 @pytest.fixture(scope="session")
-def exported(tmp_path_factory):
+def exported(common):
     """Checkpoint and exported file of one network, which halves photos."""
+    folder = make_once(common / "exported", write_exported)
+    return folder / "fusion.ckpt", folder / "fusion.onnx"
+
+
+def write_exported(folder):
+    folder.mkdir()
     torch.manual_seed(1)
     card = make_card("haptic", "visual", width=0.1, half_scale=True, pairs=200)
     card = dataclasses.replace(
@@ -47,10 +53,8 @@ def exported(tmp_path_factory):
     )
     classifier = SurfaceClassifier(card).eval()
     add_statistics(classifier)
-    folder = tmp_path_factory.mktemp("exported")
     save_classifier(classifier, folder / "fusion.ckpt")
     write_onnx(make_onnx(classifier, trace(classifier)), folder / "fusion.onnx")
-    return folder / "fusion.ckpt", folder / "fusion.onnx"
 
 
 @pytest.fixture(scope="session")

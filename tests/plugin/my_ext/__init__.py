@@ -84,7 +84,7 @@ class NearestSlope(Baseline):
     kind: ClassVar = "visual"
 
     def fit(self, recordings, labels, seed, groups) -> None:
-        assert len({*groups}) == 8  # of ten recordings a class, without two folds
+        assert len(groups) == len(labels)
         slopes = np.array([self._slope(photo) for photo in recordings])
         means = [slopes[labels == label].mean() for label in range(labels.max() + 1)]
         self.means = torch.tensor(means)
