@@ -62,6 +62,17 @@ def test_a_rate_that_is_given_counts_and_a_higher_one_is_the_papers(fingertip, t
     assert wide[-1] == "data.sampling_rate=10000"
 
 
+def test_the_levels_of_a_slow_signal_count_whichever_file_is_damaged(tmp_path):
+    for label in "ab":
+        (tmp_path / label).mkdir()
+        for number in range(4):
+            soundfile.write(tmp_path / label / f"{number}.wav", np.ones((400, 3)), 100)
+    (tmp_path / "a/0.wav").write_bytes(b"damaged")
+    given = ("experiment=few/haptic", "data=folder", f"data.root={tmp_path}", "data.folds=4")
+    found = overrides_of(*given, "data.skip_bad=true", folder=tmp_path)
+    assert found[-2:] == ("data.sampling_rate=100", "model.haptic.features.levels=3")
+
+
 def test_photos_of_ones_own_begin_with_weights_that_know_images(
     cli, surfaces, tmp_path, monkeypatch
 ):
