@@ -118,15 +118,7 @@ class LinearNet(nn.Module):
             labels: (recordings,) class indices, each at least once.
             groups: What was recorded together, of each recording; None takes each by itself.
         """
-        labels = labels.cpu()
-        left_out = torch.tensor(leave_out(labels.tolist(), groups or range(len(labels))))
-        if len(left_out):
-            rows = torch.stack([each[0].double().mean(dim=1).cpu() for each in inputs])
-        else:
-            counts = torch.tensor([each.shape[-1] for each in inputs])
-            rows = torch.cat([each[0].T for each in inputs]).cpu().double()
-            labels = torch.repeat_interleave(labels, counts)
-            left_out = torch.arange(len(rows)) % PARTS
+        rows, labels, left_out = _rows(inputs, labels.cpu(), groups)
         mean, deviation = rows.mean(dim=0), rows.std(dim=0, correction=0)
         scale = torch.where(deviation > MIN_DEVIATION, 1 / deviation, 0)
         sizes = torch.tensor([size for _, size in self.blocks])
@@ -189,6 +181,23 @@ class LinearNet(nn.Module):
         if basic.any() and not basic.all():
             yield torch.repeat_interleave(basic, sizes).double()
         yield torch.ones(int(sizes.sum()), dtype=torch.float64)
+
+
+def _rows(
+    inputs: Sequence[Tensor], labels: Tensor, groups: Sequence[str] | None
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Return a row for each recording, or for each fragment where a class has but one group.
+
+    Returns:
+        Rows (rows, D), their labels, and the part in which each is left out.
+    """
+    left_out = leave_out(labels.tolist(), groups or range(len(labels)))
+    if left_out:
+        rows = torch.stack([features[0].double().mean(dim=1).cpu() for features in inputs])
+        return rows, labels, torch.tensor(left_out)
+    counts = torch.tensor([features.shape[-1] for features in inputs])
+    rows = torch.cat([features[0].T for features in inputs]).cpu().double()
+    return rows, torch.repeat_interleave(labels, counts), torch.arange(len(rows)) % PARTS
 
 
 class _Ridge:
