@@ -2,6 +2,8 @@
 
 import json
 import math
+import sys
+from types import ModuleType
 
 import pytest
 import torch
@@ -42,6 +44,30 @@ def test_profile_of_both_networks(cli, tmp_path):
         rate = 2 * network["macs"] / network["fcn_ms"] / 1e6
         assert network["roofline_fraction"] == pytest.approx(rate / network["gemm_gflops"])
     assert results["networks"]["visual"]["windows"] == 4 * 2  # 320x256 pixels, 224 every 32
+
+
+class Plain(nn.Module):
+    """A network of one's own that does not say its geometry."""
+
+    def __init__(self, classes):
+        super().__init__()
+        self.layer = nn.Conv2d(1, classes, (50, 3))
+
+    def features(self, x, level):
+        return self.layer(x).squeeze(2)
+
+
+def test_the_geometry_of_a_network_of_ones_own_is_found(cli, tmp_path, monkeypatch):
+    module = ModuleType("plain_network")
+    module.Plain = Plain
+    monkeypatch.setitem(sys.modules, "plain_network", module)
+    network = "model.haptic.network={_target_: plain_network.Plain}"
+    run = f"hydra.run.dir={tmp_path}/run"
+    outcome = cli("task=profile", "model=haptic", network, "debug=tiny", run)
+    assert outcome.status == 0, outcome.err
+    profile = json.loads((tmp_path / "run" / "results.json").read_text())["networks"]["haptic"]
+    assert profile["windows"] > 1
+    assert profile["label_agreement"] == 1
 
 
 def test_a_twin_with_other_weights_is_found_out():
