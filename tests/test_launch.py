@@ -97,14 +97,13 @@ def own_folder(tmp_path):
     return folder.parent
 
 
-@pytest.mark.parametrize("how", ["--config-dir=mine", "hydra.searchpath=[file://{}]"])
 def test_what_a_job_composes_further_is_looked_for_in_the_users_folders(
-    how, own_folder, cli, tmp_path, monkeypatch
+    own_folder, cli, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
     seen = []
     monkeypatch.setattr(fit, "run", lambda _, job: seen.append(job.compose(["experiment=own"])))
-    outcome = cli(how.format(own_folder), "seed=1")
+    outcome = cli(f"hydra.searchpath=[file://{own_folder}]", "seed=1")
     assert outcome.status == 0, outcome.err
     assert seen[0].seed == 5
 

@@ -11,12 +11,7 @@ import pytest
 import torch
 
 from tex_lightning.core.console import LogFile
-from tex_lightning.core.files import (
-    partial_path,
-    read_record,
-    write_atomically,
-    write_text,
-)
+from tex_lightning.core.files import partial_path, read_record, write_atomically, write_text
 from tex_lightning.data.store import fingerprint
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import read_outcomes

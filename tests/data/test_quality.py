@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 
 from tex_lightning.data.decode import SignalDecoder
-from tex_lightning.data.quality import (
-    TraceMonitor,
-    photo_quality,
-    together,
-    training_ranges,
-)
+from tex_lightning.data.quality import TraceMonitor, photo_quality, together, training_ranges
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 

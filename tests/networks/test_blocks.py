@@ -5,12 +5,7 @@ import pytest
 import torch
 from torch import nn
 
-from tex_lightning.networks.blocks import (
-    Head,
-    Window,
-    conv_block,
-    response_norm,
-)
+from tex_lightning.networks.blocks import Head, Window, conv_block, response_norm
 
 
 @pytest.mark.parametrize(("kernel", "stride"), [(2, 2), (3, 2)])

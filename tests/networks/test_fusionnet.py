@@ -22,13 +22,6 @@ class OwnNet(torch.nn.Module):
         return self.layer(x)
 
 
-def unimodal(norm="none"):
-    torch.manual_seed(0)
-    haptic = HapticNet(4, width=0.05, norm=norm)
-    visual = visualnet(3, trunk="tcnn", width=0.05, norm=norm)
-    return haptic, visual
-
-
 def inputs(frames=230, height=235, width=250):
     generator = torch.Generator().manual_seed(2)
     spectrogram = torch.rand(2, 1, 50, frames, generator=generator)
@@ -112,7 +105,7 @@ def test_tuples_of_three_senses_are_needed_unless_all_have_one_position():
 def test_a_score_layer_of_another_form_is_fused_on_the_scores(layer):
     own = OwnNet(CLASSES)
     own.score_layer = layer
-    fused = FusionNet(unimodal()[0], own, classes=CLASSES, level="fc2")
+    fused = FusionNet(HapticNet(4, width=0.05), own, classes=CLASSES, level="fc2")
     assert fused.levels == ["fc2", "fc3"]
     assert fused.sizes[1] == CLASSES
     assert score_layer_of(own) is None

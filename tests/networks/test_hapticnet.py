@@ -45,16 +45,3 @@ def test_receptive_field_by_impulses():
     seen = change[:, 0, 3].abs().nonzero().flatten()
     assert len(seen) == seen[-1] - seen[0] + 1 == net.receptive_field == 222
     assert seen[0] == 3 * net.stride - 15
-
-
-def test_features():
-    net = HapticNet(7, width=0.5).eval()
-    x = torch.rand(2, 1, 50, 300)
-    hidden, scores = net.features(x, "fc2"), net.features(x, "fc3")
-    assert hidden.shape == (2, net.hidden, 8) == (2, 125, 8)
-    assert scores.shape == (2, net.classes, 8) == (2, 7, 8)
-    assert hidden.min() == 0
-    assert torch.equal(scores, net(x))
-    last = net.score_layer
-    expected = torch.einsum("cd,bdl->bcl", last.weight[..., 0, 0], hidden) + last.bias[:, None]
-    torch.testing.assert_close(scores, expected)

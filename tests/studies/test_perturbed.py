@@ -13,12 +13,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording
 from tex_lightning.perturbations.table import perturbations
-from tex_lightning.studies.perturbed import (
-    PerturbedDataset,
-    PerturbedSystem,
-    SystemFold,
-    make_rng,
-)
+from tex_lightning.studies.perturbed import PerturbedDataset, PerturbedSystem, SystemFold, make_rng
 
 TABLE = perturbations()
 MODALITIES = {"haptic": "haptic", "visual": "image", "sound": "sound"}

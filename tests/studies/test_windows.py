@@ -7,11 +7,7 @@ from torch import nn
 
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.networks.trunks import TRUNKS
-from tex_lightning.studies.profile import (
-    WindowNet,
-    batches,
-    cut_windows,
-)
+from tex_lightning.studies.profile import WindowNet, batches, cut_windows
 
 
 def lively(network):

@@ -7,16 +7,7 @@ import numpy as np
 import pytest
 import soundfile
 from conftest import make_trace
-from haptic_sets import (
-    RATE,
-    STROKES,
-    SURFACES,
-    read,
-    tone,
-    write_cluster,
-    write_hatt,
-    write_tum,
-)
+from haptic_sets import RATE, STROKES, SURFACES, read, tone, write_cluster, write_hatt, write_tum
 from PIL import Image
 
 from tex_lightning.data.decode import SignalDecoder

@@ -1,13 +1,22 @@
-"""Materials, reliefs, strokes, photos and sounds: what physics and the pairs alike promise."""
+"""Synthetic surfaces: files, materials, physics, and what a linear classifier makes of them."""
 
 import dataclasses
 import itertools
+from functools import cache
 
+import cv2
 import numpy as np
 import pytest
+import soundfile
+from scipy.signal import stft
+from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 
+from tex_lightning.errors import UserError
+from tex_lightning.synthetic import write_folder
 from tex_lightning.synthetic.camera import render_photo
-from tex_lightning.synthetic.dataset import SyntheticSpec, listen, record
+from tex_lightning.synthetic.dataset import SyntheticSpec, listen, photograph, record
 from tex_lightning.synthetic.materials import BLOCK, FAMILIES, ReliefSpec, make_materials
 from tex_lightning.synthetic.microphone import hear_stroke
 from tex_lightning.synthetic.specimen import PITCH, TILE, Specimen, make_relief, smooth
@@ -16,6 +25,12 @@ from tex_lightning.synthetic.tool import draw_stroke, slide_tool
 RATE, SOUND_RATE = 10_000, 44_100
 SPEC = SyntheticSpec(seconds=2)
 PLAIN = range(4)  # without a foil
+
+
+@pytest.fixture(scope="session")
+def specimen():
+    """Give class 0 to 5 of seed 0, made up once for the whole session."""
+    return cache(lambda index: Specimen(make_materials(6, 0)[index]))
 
 
 @pytest.mark.parametrize("seed", [0, 7])
@@ -125,3 +140,106 @@ def test_foil_drowns_what_the_tool_tells_apart(specimen):
     assert np.abs(without[0] - without[1]).max() > 6
     others = [spectrum(specimen(index)) for index in PLAIN]
     assert all(np.abs(pair[0] - other).max() > 6 for other in others)
+
+
+TINY = {"recordings": 2, "seconds": 1, "photo_width": 64, "photo_height": 48}
+
+
+def contents(root):
+    return {str(p.relative_to(root)): p.read_bytes() for p in root.rglob("*") if p.is_file()}
+
+
+def test_files_are_those_of_data_folder_and_depend_on_class_and_seed_alone(tmp_path, specimen):
+    spec = SyntheticSpec(classes=2, **TINY)
+    write_folder(spec, tmp_path / "two", ("haptic", "image", "sound"))
+    write_folder(SyntheticSpec(classes=3, **TINY), tmp_path / "three")
+    two, three = contents(tmp_path / "two"), contents(tmp_path / "three")
+    names = [material.name for material in make_materials(3, 0)]
+    suffixes = {"haptic": "npy", "image": "jpg"}
+    assert set(three) == {
+        f"{name}/{sense}/{n:02d}.{suffix}"
+        for name in names
+        for sense, suffix in suffixes.items()
+        for n in range(2)
+    }
+    sounds = {f"{name}/sound/{n:02d}.flac" for name in names[:2] for n in range(2)}
+    assert all(three[name] == two[name] for name in {*two} - sounds)
+    assert sounds == {name for name in two if "/sound/" in name}
+    folder = tmp_path / "two" / names[1]
+    trace = np.load(folder / "haptic" / "01.npy")
+    assert (trace.dtype, trace.shape) == (np.float32, (3, 10_000))
+    sound, rate = soundfile.read(folder / "sound" / "01.flac", dtype="float32")
+    assert rate == 44_100
+    np.testing.assert_allclose(sound, listen(spec, specimen(1), 1, 1), atol=1 / 32_000)
+    photo = cv2.cvtColor(cv2.imread(str(folder / "image" / "01.jpg")), cv2.COLOR_BGR2RGB)
+    mean = photograph(spec, specimen(1), 1, 1).mean(axis=(0, 1))
+    np.testing.assert_allclose(photo.mean(axis=(0, 1)), mean, atol=1)
+
+
+@pytest.mark.parametrize("classes", [1, 1000])
+def test_the_number_of_classes_is_limited(classes):
+    with pytest.raises(UserError, match=f"data.classes is {classes}: choose 2 to 999"):
+        SyntheticSpec(classes=classes)
+
+
+SMALL = SyntheticSpec(classes=6, seconds=2, photo_width=320, photo_height=240)
+TESTED = np.isin(np.arange(10), [4, 9])
+
+
+def _haptic_features(trace):
+    _, _, spectrum = stft(trace[:, 8000:], 10_000, "hamming", 500, 400)
+    return _bands(np.square(np.abs(spectrum[:, 1:50])).sum(axis=0))
+
+
+def _sound_features(sound):
+    _, _, spectrum = stft(sound[35_280:], 44_100, "hamming", 441, 341)
+    return _bands(np.square(np.abs(spectrum[1:])), 200)
+
+
+def _bands(power, last=40):
+    bands = np.log(np.add.reduceat(power, np.geomspace(1, last, 12).astype(int), axis=0))
+    return np.concatenate([bands.mean(axis=1), bands.std(axis=1)])
+
+
+def _visual_features(photo):
+    grey = cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY).astype(np.float32)
+    features = [*np.log(photo.mean(axis=(0, 1))), *np.log(photo.std(axis=(0, 1)))]
+    for sigma in (1, 2, 4, 8):
+        blurred = cv2.GaussianBlur(grey, (0, 0), sigma)
+        for order in ((1, 0), (0, 1)):
+            slope = np.abs(cv2.Sobel(blurred, cv2.CV_32F, *order))
+            features.append(np.log(slope.mean() / grey.mean()))
+    return np.array(features)
+
+
+def _confusions(features):
+    """Train on eight recordings of each class, test on two; give (class, predicted) pairs."""
+    classes = len(features)
+    labels = np.repeat(np.arange(classes), 10).reshape(classes, 10)
+    model = make_pipeline(
+        StandardScaler(), LinearDiscriminantAnalysis(solver="lsqr", shrinkage="auto")
+    )
+    model.fit(features[:, ~TESTED].reshape(-1, features.shape[-1]), labels[:, ~TESTED].ravel())
+    predicted = model.predict(features[:, TESTED].reshape(-1, features.shape[-1]))
+    return list(zip(labels[:, TESTED].ravel(), predicted, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("take", "describe", "twins"),
+    [
+        (record, _haptic_features, {2, 3}),
+        (photograph, _visual_features, {0, 1}),
+        (listen, _sound_features, {4, 5}),
+    ],
+    ids=["haptic", "visual", "sound"],
+)
+def test_all_but_the_twins_are_told_apart(specimen, take, describe, twins):
+    features = np.array(
+        [[describe(take(SMALL, specimen(i), i, n)) for n in range(10)] for i in range(6)]
+    )
+    wrong = [
+        (true, seen)
+        for true, seen in _confusions(features)
+        if true != seen and not {true, seen} <= twins
+    ]
+    assert not wrong
