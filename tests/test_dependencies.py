@@ -1,5 +1,6 @@
-"""What the README's first command installs is enough to start; what is pinned is all."""
+"""The package installs from a repository and starts; what is pinned is all."""
 
+import os
 import subprocess
 import sys
 import tomllib
@@ -75,3 +76,18 @@ def test_no_optional_library_is_imported_before_it_is_asked_for():
     )
     finished = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert finished.returncode == 0, finished.stderr
+
+
+@pytest.mark.slow  # fetches the build backend from the network
+def test_the_package_installs_from_a_bare_clone(tmp_path):
+    bare, target = tmp_path / "bare", tmp_path / "target"
+    subprocess.run(["git", "clone", "-q", "--bare", str(ROOT), str(bare)], check=True)
+    pip = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", str(target)]
+    subprocess.run([*pip, f"git+file://{bare}"], check=True)
+    environment = os.environ | {"PYTHONPATH": str(target)}
+    command = [sys.executable, "-m", "tex_lightning", "--cfg", "job"]
+    done = subprocess.run(
+        command, cwd=tmp_path, env=environment, check=True, capture_output=True, text=True
+    )
+    assert "task: fit" in done.stdout
+    assert (target / "tex_lightning" / "conf" / "config.yaml").is_file()

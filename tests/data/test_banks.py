@@ -29,9 +29,7 @@ def test_sub_samples_are_contiguous_pieces_of_their_own_spectrogram():
 
 
 def test_every_version_of_a_recording_is_cut_alike():
-    versions = [
-        spectrogram(20, 100 * number) for number in range(6)
-    ]  # two recordings, three versions
+    versions = [spectrogram(20, 100 * number) for number in range(6)]  # of two recordings, three
     bank = InputBank(versions, frames=10, versions=3)
     cut = bank.cut(np.repeat([0, 1], 3000), np.random.default_rng(0))["input"]
     number = (cut[:, 0, 0, 0] // 100).long().numpy()

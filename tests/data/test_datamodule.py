@@ -5,7 +5,7 @@ import torch
 from conftest import ramp
 
 from tex_lightning.data.banks import InputBank, PhotoBank
-from tex_lightning.data.datamodule import EpochSampler, SampleSet, TrainingBatches
+from tex_lightning.data.datamodule import SampleSet, TrainingBatches
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.readers.folder import read_folder
@@ -64,14 +64,6 @@ def test_shares_of_a_batch_make_the_whole(surfaces, photos):
     for key, expected in leaves(whole[4]).items():
         joined = torch.stack([share[key] for share in shares], dim=1).flatten(0, 1)
         assert torch.equal(joined, expected)
-
-
-def test_epochs_number_batches_through():
-    epoch = 0
-    sampler = EpochSampler(3, lambda: epoch)
-    assert [*sampler] == [0, 1, 2]
-    epoch = 4
-    assert [*sampler] == [12, 13, 14]
 
 
 def test_a_whole_sample_has_the_recordings_of_all_its_modalities(surfaces, tmp_path):

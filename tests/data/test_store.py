@@ -90,17 +90,15 @@ def test_a_damaged_entry_is_replaced(store, surfaces):
 @contextmanager
 def another_user(folder: Path):
     """Become one who may read the folder and write nothing."""
-    for path in (folder, *folder.rglob("*")):
+    paths, user = [folder, *folder.rglob("*")], os.geteuid()
+    for path in paths:
         path.chmod(0o555 if path.is_dir() else 0o444)
-    root = os.geteuid() == 0  # whom permissions do not bind
-    if root:
-        os.seteuid(65534)
+    os.seteuid(user or 65534)  # permissions do not bind root
     try:
         yield
     finally:
-        if root:
-            os.seteuid(0)
-        for path in (folder, *folder.rglob("*")):
+        os.seteuid(user)
+        for path in paths:
             path.chmod(0o755)
 
 
