@@ -46,11 +46,7 @@ def test_every_recording_is_tested_once_and_never_with_its_group_in_training(fol
         assert len(parts.train) + len(parts.val) + len(parts.test) == len(rows)
         tested += len(parts.test)
         groups_of = [{row.group for row in part} for part in (parts.train, parts.val, parts.test)]
-        assert (
-            not groups_of[0] & groups_of[1]
-            | groups_of[0] & groups_of[2]
-            | groups_of[1] & groups_of[2]
-        )
+        assert sum(map(len, groups_of)) == len(set.union(*groups_of))
     assert tested == len(rows)
 
 
@@ -177,10 +173,7 @@ def test_a_sense_without_the_condition_is_divided_by_folds():
 @pytest.mark.parametrize(
     ("where", "message"),
     [
-        (
-            {"sped": 60},
-            r"no recording has sped 60 \(did you mean speed\?\); choose from speed",
-        ),
+        ({"sped": 60}, r"no recording has sped 60 \(did you mean speed\?\); choose from speed"),
         ({"speed": 61}, r"no recording has speed 61 \(did you mean 6.*choose from 6, 50, 60.*fast"),
         ({"light": ["lamp", "lmp"]}, r"has light lmp \(did you mean lamp\?\)"),
     ],
