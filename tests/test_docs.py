@@ -142,6 +142,49 @@ def test_links_lead_somewhere(page):
         assert not anchor or anchor in anchors(found), target
 
 
+# What a newcomer asks, and the page or section with the answer.
+QUESTIONS = {
+    "How do I install it, and what does the first run print?": "start.md",
+    "In which folders do my recordings belong?": "data.md#folder-layout",
+    "My sensor has another rate and three axes: what do I do?": "data.md#sampling-rate",
+    "How do I classify one file?": "predict.md#classify-files",
+    "How do I use it in a program?": "predict.md#from-python",
+    "Which model should I take for my data?": "choose.md",
+    "I have three recordings of each class: does it work?": "choose.md#few-recordings-of-a-class",
+    "How do I keep one person out of training and test it?": "evaluate.md#groups",
+    "How far can I trust a probability?": "calibration.md#probabilities",
+    "What happens with a material that it does not know?": "calibration.md#unknown-materials",
+    "How do I add a class later?": "add_class.md",
+    "How do I run it on a small computer or in a browser?": "deploy.md#without-pytorch",
+    "How do I use several GPUs or a cluster?": "scale.md#clusters-and-several-gpus",
+    "How do I add my own network?": "extend.md#classes",
+    "How do I repeat a row of the paper?": "paper.md#one-row",
+    "Where does a figure come from?": "benchmarks.md#reports",
+    "What does this key mean, and what is its default?": "keys.md",
+    "What can it not do?": "limitations.md",
+    "May I load a checkpoint of a stranger?": "limitations.md#security",
+    "What does this word mean?": "glossary.md",
+}
+
+
+def test_every_question_is_answered_within_two_clicks():
+    for start in ("README.md", "docs/index.md"):
+        reached = {ROOT / start}
+        for _ in range(2):
+            targets = {
+                (page.parent / target.partition("#")[0]).resolve()
+                for page in reached
+                for target in links(page)
+                if not target.startswith("http")
+            }
+            reached |= {path for path in targets if path.suffix == ".md"}
+        for question, answer in QUESTIONS.items():
+            file, _, anchor = answer.partition("#")
+            page = ROOT / "docs" / file
+            assert page in reached, question
+            assert not anchor or anchor in anchors(page), question
+
+
 def test_at_most_eighteen_pages_are_linked_from_the_first():
     pages = {page.name for page in USER_PAGES} - {"index.md"}
     assert len(pages) <= 18
