@@ -68,13 +68,15 @@ def test_discriminants_of_the_scores_are_scikit_learns_with_equal_priors():
     rng = np.random.default_rng(0)
     labels = np.repeat(np.arange(CLASSES), [8, 12, 20])
     scores = np.eye(CLASSES)[labels] + rng.standard_normal((40, CLASSES)) @ np.diag([1, 0.5, 0.1])
-    turn, shift = discriminants(torch.from_numpy(scores), torch.from_numpy(labels), SHRINKAGE)
+    coefficients, intercept = discriminants(
+        torch.from_numpy(scores), torch.from_numpy(labels), SHRINKAGE
+    )
     theirs = LinearDiscriminantAnalysis(
         "lsqr", priors=np.full(CLASSES, 1 / CLASSES), covariance_estimator=Shrunk()
     ).fit(scores, labels)
-    size = np.linalg.norm(theirs.coef_) / np.linalg.norm(turn)
-    np.testing.assert_allclose(size * turn.T, theirs.coef_, atol=1e-10)
-    np.testing.assert_allclose(size * shift, theirs.intercept_ + np.log(CLASSES), atol=1e-10)
+    size = np.linalg.norm(theirs.coef_) / np.linalg.norm(coefficients)
+    np.testing.assert_allclose(size * coefficients.T, theirs.coef_, atol=1e-10)
+    np.testing.assert_allclose(size * intercept, theirs.intercept_ + np.log(CLASSES), atol=1e-10)
 
 
 def test_levels_are_brought_to_equal_scatter_within_classes():

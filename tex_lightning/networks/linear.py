@@ -121,10 +121,9 @@ class LinearNet(nn.Module):
         rows, labels, left_out = _rows(inputs, labels.cpu(), groups)
         mean, deviation = rows.mean(dim=0), rows.std(dim=0, correction=0)
         scale = torch.where(deviation > MIN_DEVIATION, 1 / deviation, 0)
-        sizes = torch.tensor([size for _, size in self.blocks])
-        share = torch.repeat_interleave(sizes.double().rsqrt(), sizes)  # of unit length by block
+        share = torch.repeat_interleave(self.sizes.double().rsqrt(), self.sizes)  # of unit length
         rows = (rows - mean) * scale * share
-        levels = torch.repeat_interleave(self._are(WHITENED), sizes)
+        levels = torch.repeat_interleave(self._are(WHITENED), self.sizes)
         whitening = equal_scatter(rows[:, levels], labels)
         rows[:, levels] = rows[:, levels] @ whitening
         some = slice(None, None, math.ceil(len(rows) / MAX_ROWS))
@@ -134,15 +133,22 @@ class LinearNet(nn.Module):
         offset = problem.share - problem.centre @ weight
         freedom = max(1, len(rows) - self.classes)  # with which the scatter is known
         shrinkage = self.shrinkage * self.classes / freedom
-        turn, shift = discriminants(rows @ weight + offset, labels, shrinkage)
-        scores = list(SHARPNESS * (held_out @ turn + shift)[:, :, None])
+        coefficients, intercept = discriminants(rows @ weight + offset, labels, shrinkage)
+        scores = list(SHARPNESS * (held_out @ coefficients + intercept)[:, :, None])
         sharpness = SHARPNESS / fit_temperature(scores, labels[some].tolist())
         weight[levels] = whitening @ weight[levels]
         self.mean.copy_(mean[:, None, None])
         self.scale.copy_(scale[:, None, None])
         layer = self.score_layer
-        layer.weight.copy_(sharpness * (share[:, None] * weight @ turn).T[:, :, None, None])
-        layer.bias = nn.Parameter((sharpness * (offset @ turn + shift)).to(layer.weight))
+        layer.weight.copy_(sharpness * (share[:, None] * weight @ coefficients).T[:, :, None, None])
+        layer.bias = nn.Parameter(
+            (sharpness * (offset @ coefficients + intercept)).to(layer.weight)
+        )
+
+    @property
+    def sizes(self) -> Tensor:
+        """Number of features of each block."""
+        return torch.tensor([size for _, size in self.blocks])
 
     def _are(self, kind: str) -> Tensor:
         """Return which blocks are of a kind."""
@@ -176,11 +182,10 @@ class LinearNet(nn.Module):
 
     def _subsets(self) -> Iterator[Tensor]:
         """Yield which features (D,) are used: without the optional blocks, then all."""
-        sizes = torch.tensor([size for _, size in self.blocks])
         basic = ~self._are(OPTIONAL)
         if basic.any() and not basic.all():
-            yield torch.repeat_interleave(basic, sizes).double()
-        yield torch.ones(int(sizes.sum()), dtype=torch.float64)
+            yield torch.repeat_interleave(basic, self.sizes).double()
+        yield torch.ones(int(self.sizes.sum()), dtype=torch.float64)
 
 
 def _rows(
@@ -286,7 +291,7 @@ def equal_scatter(rows: Tensor, labels: Tensor) -> Tensor:
 
 
 def discriminants(scores: Tensor, labels: Tensor, shrinkage: float) -> tuple[Tensor, Tensor]:
-    """Return the factor (classes, classes) and the summand (classes,) that discriminate scores.
+    """Return coefficients (classes, classes) and intercept (classes,) of linear discriminants.
 
     Args:
         scores: (rows, classes).
@@ -294,9 +299,9 @@ def discriminants(scores: Tensor, labels: Tensor, shrinkage: float) -> tuple[Ten
         shrinkage: As of ``scatter``.
     """
     means, within = scatter(scores, labels, shrinkage)
-    turn: Tensor = torch.linalg.solve(within, means.T)
-    turn *= len(turn) ** 0.5 / turn.norm()
-    return turn, -(means * turn.T).sum(dim=1) / 2
+    coefficients: Tensor = torch.linalg.solve(within, means.T)
+    coefficients *= len(coefficients) ** 0.5 / coefficients.norm()
+    return coefficients, -(means * coefficients.T).sum(dim=1) / 2
 
 
 def _ridge(gram: Tensor, strength: float) -> Tensor:
