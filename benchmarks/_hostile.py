@@ -21,7 +21,6 @@ MARK = "harmed"  # file that would show that code of a file has run
 SPARSE = 1 << 30  # bytes that need no disk
 TEXT = 200 << 20  # bytes of one line
 SIDE = 40_000  # pixels
-LAUGHS = "".join(f'<!ENTITY l{n} "{f"&l{n - 1};" * 10}">' for n in range(1, 10))
 
 
 class Harm:
@@ -66,11 +65,6 @@ def claiming_npy(shape: str, kind: str = "<f8") -> Write:
 
 def pickled_npy(path: Path) -> None:
     np.save(path, np.array([Harm(path.with_name(MARK))], object), allow_pickle=True)
-
-
-def xml(entities: str, text: str) -> Write:
-    content = f'<?xml version="1.0"?><!DOCTYPE r [<!ENTITY l0 "lol">{entities}]><r>{text}</r>'
-    return lambda path: path.write_text(content)
 
 
 def bomb_png(path: Path) -> None:
@@ -136,8 +130,6 @@ TRACES: dict[str, Write] = {
     "claims.npy": claiming_npy("(1000000000000,)"),
     "item.npy": claiming_npy("(3,)", "<U500000000"),
     "pickled.npy": pickled_npy,
-    "laughs.xml": xml(LAUGHS, "<AccelX>&l9;</AccelX>"),
-    "entity.xml": xml('<!ENTITY e SYSTEM "file:///etc/passwd">', "<AccelX>&e;</AccelX>"),
     "pipe.wav": os.mkfifo,
     "zero.wav": lambda path: path.symlink_to("/dev/zero"),
     "loop.npy": lambda path: path.symlink_to(path),

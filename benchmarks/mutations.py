@@ -58,14 +58,6 @@ def _table(path: Path, head: str, mark: str, timed: bool = False, axes: int = 1)
     path.write_text("\n".join([head, *lines] if head else lines), encoding="utf-8")
 
 
-def _xml(path: Path) -> None:
-    axes = "".join(
-        f"<Accel{axis}>{' '.join(map(str, values))}</Accel{axis}>"
-        for axis, values in zip("XYZ", AXES[:, :300].tolist(), strict=True)
-    )
-    path.write_text(f'<?xml version="1.0"?><R><SampleRate>{RATE}</SampleRate>{axes}</R>')
-
-
 def _photo(path: Path, **options: Any) -> None:  # noqa: ANN401
     exif = Image.Exif()
     exif[0x0112] = 6  # orientation
@@ -124,7 +116,6 @@ FORMATS: dict[str, Format] = {
     "txt": Format("a.txt", partial(_table, head="", mark=","), read_signal, text=True),
     "csv": Format("a.csv", partial(_table, head="time,x,y,z", mark=",", timed=True), read_signal,
                   text=True),
-    "xml": Format("a.xml", _xml, read_signal, text=True),
     "jpeg": Format("a.jpg", _photo, read_pixels),
     "png": Format("a.png", _photo, read_pixels),
     "tiff": Format("a.tif", partial(_photo, compression="tiff_lzw"), read_pixels),

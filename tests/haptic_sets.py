@@ -4,7 +4,6 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-import soundfile
 from conftest import make_photo, make_trace
 from omegaconf import OmegaConf
 from PIL import Image
@@ -45,46 +44,15 @@ def write_csv(path: Path, names: str, columns: Array) -> None:
     path.write_text("\n".join([names, *lines]), encoding="utf-8")
 
 
-def write_cluster(root: Path, seconds: float, *sensors: str, strokes=STROKES) -> Path:
-    """Surfaces with strokes by these sensors, and ``images`` if that is one of them."""
-    for kind, surface in enumerate(SURFACES):
-        for seed, stroke in enumerate(strokes):
-            name = "_".join(map(str, (surface, *stroke)))
-            for sensor in set(sensors) - {"images"}:
-                file = root / "sensor_data" / sensor / surface / name
-                if "audio" in sensor:
-                    file.parent.mkdir(parents=True, exist_ok=True)
-                    sound = tone(kind, 44_100, seconds, seed)[0]
-                    soundfile.write(f"{file}.wav", sound, 44_100)
-                    continue
-                axes = tone(kind, RATE, seconds, seed, 3 if sensor == "accel" else 1)
-                times = stamps(axes.shape[1], seed)
-                names = {"accel": "time,X,Y,Z", "force": "time,force"}[sensor]
-                write_csv(file.with_suffix(".csv"), names, np.vstack([times, axes]))
-        if "images" in sensors:
-            folder = root / "images" / "images_scan_area"
-            folder.mkdir(parents=True, exist_ok=True)
-            pixels = np.concatenate([make_photo(kind, seed) for seed in (0, 1)], axis=1)
-            Image.fromarray(pixels).save(folder / f"img{surface}.jpg")
-    return root
-
-
-def hatt_xml(axes: Array) -> str:
-    """A recording (3, samples) with what stands beside the acceleration."""
-    named = zip("XYZ", axes.tolist(), strict=True)
-    accel = "".join(f"<Accel{a}>{' '.join(f'{x:.5g}' for x in v)}</Accel{a}>" for a, v in named)
-    return (
-        '<?xml version="1.0"?><RecordedData><SampleRate>10000</SampleRate>'
-        f"{accel}<ForceX>1 2</ForceX><Speed>30 31</Speed></RecordedData>"
-    )
-
-
-def write_hatt(root: Path, seconds: float, name: str = "{}_Recording{}.xml") -> Path:
-    for kind, texture in enumerate(("ABS Plastic", "Carpet 1", "Carpet 2")):
-        for number in (1, 2):
-            file = root / "RecordedData" / name.format(texture, number)
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_text(hatt_xml(tone(kind, 10_000, seconds, number, 3)), encoding="utf-8")
+def write_cluster(root: Path, seconds: float) -> Path:
+    """Surfaces with the accelerations and forces of strokes."""
+    for (kind, surface), (seed, stroke) in product(enumerate(SURFACES), enumerate(STROKES)):
+        name = "_".join(map(str, (surface, *stroke)))
+        for sensor, names in (("accel", "time,X,Y,Z"), ("force", "time,force")):
+            axes = tone(kind, RATE, seconds, seed, names.count(","))
+            times = stamps(axes.shape[1], seed)
+            file = root / "sensor_data" / sensor / surface / f"{name}.csv"
+            write_csv(file, names, np.vstack([times, axes]))
     return root
 
 

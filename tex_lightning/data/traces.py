@@ -5,8 +5,6 @@ A signal has 1 to 64 axes; whatever the file, the longer dimension of its sample
 Sounds and NumPy arrays are read by their libraries. Text has one sample a line, in columns that
 stand apart by semicolon, tab, comma or space; understood are decimal commas beside the others,
 comment lines that begin with ``#`` or ``%``, lines of names above the numbers and a column of time.
-XML is that of the Penn Haptic Texture Toolkit (HaTT): ``SampleRate`` in Hz, and ``AccelX``,
-``AccelY``, ``AccelZ``.
 
 A column of time gives the rate and never becomes an axis. It is called ``time``, ``t`` or the like,
 or it is the first of several columns and rises throughout. Where its steps are uneven or samples
@@ -18,8 +16,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, NoReturn, get_args
-from xml.etree import ElementTree
+from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -37,10 +34,7 @@ MAX_SAMPLES = 1 << 29  # of a file, 2 GiB of float32: 14 h of one axis at 10 kHz
 MAX_TEXT = 1 << 29  # bytes
 CUT = re.compile(r"data : (\d+) \(should be (\d+)\)")  # libsndfile's note of a truncated file
 UNKNOWN_LENGTH = 0x7FFF0000  # programs that stream write such a length for want of a better one
-DAMAGE = (
-    soundfile.SoundFileError, ElementTree.ParseError, ValueError, EOFError, OSError, LookupError,
-    MemoryError,
-)  # fmt: skip
+DAMAGE = (soundfile.SoundFileError, ValueError, EOFError, OSError, LookupError, MemoryError)
 MARKS = "#%"  # of comments
 DELIMITERS = (";", "\t", ",")  # the first in a line of numbers; else white space
 TIMES = ("time", "timestamp", "t", "zeit", "sec", "seconds", "milliseconds")  # names begin so
@@ -54,7 +48,6 @@ EVEN = 0.01  # of a step, up to which samples stay as they are
 MISSING = 2.5  # steps, above which samples are missing; times rounded to few digits reach 2
 LARGE_GAP = 10  # steps, from which on a warning names it
 MAX_FILLED = 2  # times as many samples, beyond which most of a recording would be made up
-AXES = ("accelx", "accely", "accelz")
 
 log = logging.getLogger(__name__)
 
@@ -304,37 +297,10 @@ def _even_samples(path: Path, times: Array, samples: Array, unit: float) -> Tabl
     return axes, SourceRate(1 / (step * unit), "time column")
 
 
-class _NoEntities(ElementTree.TreeBuilder):
-    """Elements of an XML file without a document type, so that no entity can expand."""
-
-    def doctype(self, *_: object) -> NoReturn:
-        raise ValueError("it has a document type (DOCTYPE), which is not read; take that line out")
-
-
-def _read_xml(path: Path) -> Table:
-    """Read acceleration and rate; white space, commas or semicolons divide numbers."""
-    _check_text(path)
-    tree = ElementTree.parse(path, ElementTree.XMLParser(target=_NoEntities()))
-    values = {
-        name: np.array(re.split(r"[\s,;]+", (element.text or "").strip(" \t\r\n,;")), np.float64)
-        for element in tree.iter()
-        if (name := element.tag.rpartition("}")[2].lower()) in ("samplerate", *AXES)
-    }
-    rate, *axes = (values.get(name, np.empty(0)) for name in ("samplerate", *AXES))
-    counts = [len(axis) for axis in axes]
-    if len(rate) != 1 or not counts[0] or len({*counts}) > 1:
-        raise ValueError(
-            "it needs one SampleRate in Hz and as many samples of each of AccelX, AccelY and "
-            f"AccelZ, but has {len(rate)} and {', '.join(map(str, counts))}"
-        )
-    return np.stack(axes), SourceRate(float(rate[0]), "header")
-
-
 READERS: dict[str, Callable[[Path], Table]] = {
     **dict.fromkeys((".wav", ".flac"), _read_sound),
     ".npy": _read_array,
     ".txt": _read_text,
     ".csv": _read_text,
-    ".xml": _read_xml,
 }
 TRACE_SUFFIXES = tuple(READERS)

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import soundfile
 from conftest import make_trace
-from haptic_sets import RATE, STROKES, SURFACES, read, tone, write_cluster, write_hatt, write_tum
+from haptic_sets import RATE, STROKES, SURFACES, read, tone, write_cluster, write_tum
 from PIL import Image
 
 from tex_lightning.data.decode import SignalDecoder
-from tex_lightning.data.recordings import overlap, write_manifest
+from tex_lightning.data.recordings import write_manifest
 from tex_lightning.errors import UserError
 
 
@@ -69,8 +69,7 @@ def tiny(tmp_path_factory) -> Path:
     write_lmt108(root / "lmt108", 5, 8, 8)
     write_kylberg(root / "kylberg", 4, 4)
     write_kth(root / "kth_tips2b", 4, 4, scales=1)
-    write_cluster(root / "cluster", 0.6, "accel", "force", "images")
-    write_hatt(root / "hatt", 1.8)
+    write_cluster(root / "cluster", 0.6)
     return root
 
 
@@ -98,7 +97,7 @@ def test_photos_of_tum_are_counted_or_named_by_a_manifest(copy):
     shutil.copytree(photos, photos.with_name("ImageMagnified"))
     assert len(read(*given(copy, "tum")).of("image")) == 30
     shutil.copytree(photos, photos.with_name("Other"))
-    with pytest.raises(UserError, match="30 in Images and 30 in Other, but 3 classes need 30"):
+    with pytest.raises(UserError, match="holds 60 photos, but 3 classes need 10 each"):
         read(*given(copy, "tum"))
     assert len(read(*given(copy, "tum", f"data.manifest={copy}/m.csv")).of("image")) == 30
     for folder in (photos, photos.with_name("Other")):
@@ -165,38 +164,11 @@ def test_strokes_of_cluster_have_conditions_and_the_rate_of_their_stamps(tiny):
     ("group_by", "values"),
     [("direction", "0 135"), ("speed", "20 60"), ("force", "500 1000"), ("repetition", "0 1")],
 )
-def test_a_group_of_cluster_is_a_value_and_has_a_strip_of_the_photo(tiny, group_by, values):
-    rows = read(*given(tiny, "cluster", f"data.group_by={group_by}", "data.folds=5"))
+def test_a_group_of_cluster_is_a_value(tiny, group_by, values):
+    rows = read(*given(tiny, "cluster", f"data.group_by={group_by}"))
     groups = {(row.group, dict(row.conditions)[group_by]) for row in rows.of("haptic")}
     assert groups == set(enumerate(values.split()))
-    strips = rows.of("image").in_classes(["7"])
-    assert [(row.group, row.part) for row in strips] == [(0, (0, 0.5)), (1, (0.5, 1))]
-    (note,) = rows.notes
-    assert "divided into 2 parts" in note
     assert {row.fold for row in rows} == {0, 1}  # no more than groups
-
-
-def test_recordings_of_hatt_are_read_in_both_layouts(tiny, tmp_path):
-    by = ["data=hatt", "data.group_by=recording"]
-    rows = read(*by, f"data.root={tiny}/hatt")
-    assert rows.classes == ["ABS Plastic", "Carpet 1", "Carpet 2"]
-    numbers = [(row.group, row.conditions) for row in rows.in_classes(["Carpet 2"])]
-    assert numbers == [(0, (("recording", "1"),)), (1, (("recording", "2"),))]
-    trace, source = SignalDecoder().decode(rows.rows[0].path)
-    np.testing.assert_allclose(trace, tone(0, 10_000, 1.8, 1, 3), rtol=1e-3, atol=1e-4)
-    assert source.hz == 10_000
-    folders = read(*by, f"data.root={write_hatt(tmp_path, 0.1, '{}/trial{}.xml')}")
-    assert [(row.label, row.group) for row in folders] == [(row.label, row.group) for row in rows]
-
-
-def test_stretches_of_hatt_are_disjoint_and_said_to_be_neighbours(tiny):
-    rows = read(*given(tiny, "hatt"))
-    assert len(rows) == 3 * 2 * 3
-    for path in {row.path for row in rows}:
-        parts = [row.part for row in rows if row.path == path]
-        assert not any(overlap(parts[i], parts[i + 1]) for i in (0, 1))
-    (note,) = rows.notes
-    assert "divided into 3 parts" in note
 
 
 def rename(old: str, new: str):
@@ -206,9 +178,9 @@ def rename(old: str, new: str):
 @pytest.mark.parametrize(
     ("name", "file", "change", "note"),
     [
-        ("kylberg", "canvas1/canvas1-c-p011.png", rename("-c-", "-e-"), "e-p011.png is not called"),
-        ("kth_tips2b", "cork/sample_b/22b-scale_2_im_8_col.png", rename("b-", "e-"), "is not read"),
-        ("cluster", "sensor_data/accel/7/7_0_20_500_0.csv", rename("_500_0", ""), "is not called"),
+        ("kylberg", "canvas1/canvas1-c-p011.png", rename("-c-", "-e-"), "e-p011.png"),
+        ("kth_tips2b", "cork/sample_b/22b-scale_2_im_8_col.png", rename("b-", "e-"), "not read"),
+        ("cluster", "sensor_data/accel/7/7_0_20_500_0.csv", rename("_500_0", ""), "Not called"),
     ],
 )
 def test_what_is_not_read_is_noted(copy, name, file, change, note):

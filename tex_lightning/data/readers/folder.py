@@ -9,7 +9,6 @@ lies, ``root/CLASS/*``: a file's suffix tells its sense.
 from dataclasses import dataclass
 from pathlib import Path
 
-from tex_lightning.data import traces
 from tex_lightning.data.decode import IMAGE_SUFFIXES
 from tex_lightning.data.recordings import (
     MODALITIES,
@@ -18,10 +17,9 @@ from tex_lightning.data.recordings import (
     natural_key,
     read_manifest,
 )
+from tex_lightning.data.traces import TRACE_SUFFIXES, stands_for_all
 from tex_lightning.errors import UserError
 
-# without .xml, which beside photos are mostly their annotations; a manifest may name such traces
-TRACE_SUFFIXES = tuple(suffix for suffix in traces.TRACE_SUFFIXES if suffix != ".xml")
 BESIDE = {"haptic": TRACE_SUFFIXES, "image": IMAGE_SUFFIXES}  # of files in the folder of a class
 
 
@@ -121,5 +119,5 @@ def _files(directory: Path, suffixes: tuple[str, ...]) -> list[Path]:
     return [
         path
         for path in sorted(directory.glob("[!.]*"))
-        if path.suffix.lower() in suffixes and not path.is_dir() and traces.stands_for_all(path)
+        if path.suffix.lower() in suffixes and not path.is_dir() and stands_for_all(path)
     ]

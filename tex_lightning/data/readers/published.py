@@ -7,9 +7,7 @@ Expression, folders and rate of a set stand in ``conf/data/NAME.yaml``. They res
 - **LMT-108**: ten recordings per class and half, 10 kHz, an axis a file, which decoding joins.
 - **Cluster** (2024): a machine moves a rubber fingertip over 118 surfaces, 160 strokes each
   (degrees, mm/s, mN), ``accel`` (g) and ``force`` (N) at nominally 6 kHz with time stamps,
-  ``audio`` 44.1 kHz. The one photo of a surface covers 100 x 100 mm. The files were not seen.
-- **HaTT**: 100 textures stroked by hand, about 10 s each as XML (:mod:`..traces`), a folder for
-  each texture or all side by side. The files were not seen.
+  ``audio`` 44.1 kHz. The files were not seen.
 - **Kylberg** v1.0: 28 classes of 160 grey patches of four surfaces a to d, the rotated set with
   ``-r30`` and so on behind the number. By ``patch`` every fold has patches of all surfaces, as
   random divisions have; by ``surface`` no neighbour of a tested patch was trained on.
@@ -18,25 +16,17 @@ Expression, folders and rate of a set stand in ``conf/data/NAME.yaml``. They res
 """
 
 import re
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from tex_lightning.config.keys import choice
 from tex_lightning.data.decode import IMAGE_SUFFIXES
-from tex_lightning.data.recordings import (
-    Recording,
-    Recordings,
-    equal_parts,
-    natural_key,
-    read_manifest,
-)
+from tex_lightning.data.recordings import Recording, Recordings, natural_key, read_manifest
 from tex_lightning.data.traces import TRACE_SUFFIXES, stands_for_all
 from tex_lightning.errors import UserError
 
 HALVES = ("training", "testing")
-Named = list[tuple[re.Match[str], Path]]
 
 
 @dataclass(kw_only=True)
@@ -46,13 +36,11 @@ class PatternReader:
     Attributes:
         root: Folder of the data set.
         folders: Folder of each modality, below ``root``; None leaves it out.
-        pattern: Regular expression of a path below such a folder, in any case, with a group
-            ``label`` and one for each value of ``group_by`` and each condition. A file whose path
-            does not tell ``group_by`` is divided into parts, one for each group.
+        pattern: Regular expression of a path below such a folder, in any case, with the groups
+            ``label``, those of ``groups`` and one for each condition.
         example: Such a path, for messages.
         group_by: Which part of the path makes a group, and so a fold: the values count in order.
         groups: What ``group_by`` may be, and how many groups that usually makes.
-        folds: Number of parts where no path tells a group.
         conditions: Parts of the path that are conditions of the recording.
         rate: Rate of the ``.txt`` files in Hz.
         split: Half that is read, where the path has a group ``split``: ``training``, ``testing``.
@@ -67,7 +55,6 @@ class PatternReader:
     example: str
     group_by: str
     groups: Mapping[str, int]
-    folds: int
     conditions: Sequence[str] = ()
     rate: float | None = None
     split: str = HALVES[0]
@@ -86,30 +73,31 @@ class PatternReader:
             UserError: If there are no recordings.
         """
         notes: list[str] = []
-        named = {
-            modality: self._matches(self.folder / name, notes)
+        matches = [
+            (modality, path, match)
             for modality, name in self.folders.items()
             if name is not None
-        }
-        values = {self._group(match) for matches in named.values() for match, _ in matches}
-        order = sorted(values - {None}, key=lambda value: natural_key(str(value)))
-        rows: list[Recording] = []
-        for modality, matches in named.items():
-            for match, path in matches:
-                if (value := self._group(match)) is not None:
-                    rows.append(self._recording(modality, match, path, order.index(value)))
-                    continue
-                parts = equal_parts(len(order) or self.folds)
-                for group, part in enumerate(parts):
-                    rows.append(self._recording(modality, match, path, group, part))
-                notes.append(_divided(modality, len(parts)))
-        if not rows:
+            for path, match in self._matches(self.folder / name, notes)
+        ]
+        if not matches:
             raise UserError(f"Folder {self.folder} holds no {self.example}; check data.root.")
-        return Recordings(tuple(rows), tuple(dict.fromkeys(notes)))
+        values = sorted({match[self.group_by] for _, _, match in matches}, key=natural_key)
+        rows = [
+            Recording(
+                match["label"],
+                modality,
+                path,
+                values.index(match[self.group_by]),
+                self.rate if path.suffix.lower() == ".txt" else None,
+                tuple((name, match[name]) for name in self.conditions),
+            )
+            for modality, path, match in matches
+        ]
+        return Recordings(tuple(rows), tuple(notes))
 
-    def _matches(self, folder: Path, notes: list[str]) -> Named:
-        """List the recordings below a folder in natural order; note what is not read."""
-        named: Named = []
+    def _matches(self, folder: Path, notes: list[str]) -> Iterator[tuple[Path, re.Match[str]]]:
+        """Yield the recordings below a folder in natural order; note what is not read."""
+        matches: dict[Path, re.Match[str]] = {}
         others: list[Path] = []
         for path in sorted(folder.rglob("[!.]*"), key=lambda path: natural_key(str(path))):
             if path.suffix.lower() not in (*TRACE_SUFFIXES, *IMAGE_SUFFIXES):
@@ -117,42 +105,13 @@ class PatternReader:
             name = path.relative_to(folder).as_posix()
             if (match := re.fullmatch(self.pattern, name, re.IGNORECASE)) is None:
                 others.append(path)
-            elif self.split.startswith(_part(match, "split") or "") and stands_for_all(path):
-                named.append((match, path))
-        folders = {path.parent for _, path in named}
+            elif self.split.startswith(match.groupdict().get("split", "")) and stands_for_all(path):
+                matches[path] = match
+        folders = {path.parent for path in matches}
         if strays := [path for path in others if path.parent in folders]:
-            text = f"{strays[0]} is not called {self.example} or the like, and is not read"
-            more = f", nor are {len(strays) - 1} more files" if len(strays) > 1 else ""
-            notes.append(f"{text}{more}.")
-        return named
-
-    def _group(self, match: re.Match[str]) -> str | None:
-        return _part(match, self.group_by)
-
-    def _recording(
-        self,
-        modality: str,
-        match: re.Match[str],
-        path: Path,
-        group: int,
-        part: tuple[float, float] | None = None,
-    ) -> Recording:
-        values = ((name, _part(match, name)) for name in self.conditions)
-        conditions = tuple((name, value) for name, value in values if value is not None)
-        rate = self.rate if path.suffix.lower() == ".txt" else None
-        return Recording(match["label"], modality, path, group, rate, conditions, part)
-
-
-def _part(match: re.Match[str], name: str) -> str | None:
-    """Return a part of a path; None if its pattern has none of that name."""
-    return match.groupdict().get(name)
-
-
-def _divided(modality: str, count: int) -> str:
-    return (
-        f"Each {modality} file is divided into {count} parts, one for each fold: what is tested "
-        "lies beside what was trained on, which overestimates figures."
-    )
+            count = f" and {len(strays) - 1} more" if len(strays) > 1 else ""
+            notes.append(f"Not called {self.example} or the like, so not read: {strays[0]}{count}.")
+        yield from matches.items()
 
 
 @dataclass(kw_only=True)
@@ -181,19 +140,18 @@ class TumReader(PatternReader):
 
     def _photos(self, training: Path, labels: list[str]) -> tuple[Recording, ...]:
         """Read photos by sorted order; none at all is allowed, since HapticNet needs none."""
-        folders: dict[Path, list[Path]] = defaultdict(list)
-        for path in sorted(training.rglob("[!.]*"), key=lambda path: natural_key(path.name)):
-            if path.suffix.lower() in (".jpg", ".jpeg") and path.parent.name != "ImageMagnified":
-                folders[path.parent].append(path)
-        expected = self.per_class * len(labels)
-        if folders and [len(paths) for paths in folders.values()] != [expected]:
-            counts = " and ".join(f"{len(paths)} in {x.name}" for x, paths in folders.items())
+        files = sorted(training.rglob("[!.]*"), key=lambda path: natural_key(path.name))
+        photos = [
+            path
+            for path in files
+            if path.suffix.lower() in (".jpg", ".jpeg") and path.parent.name != "ImageMagnified"
+        ]
+        if photos and len(photos) != self.per_class * len(labels):
             raise UserError(
-                f"Folder {training} holds the photos {counts}, but {len(labels)} classes need "
-                f"{expected} in one folder; correct that, or name their classes in data.manifest."
+                f"Folder {training} holds {len(photos)} photos, but {len(labels)} classes need "
+                f"{self.per_class} each; correct that, or name their classes in data.manifest."
             )
         return tuple(
             Recording(labels[number // self.per_class], "image", path, number % self.per_class)
-            for paths in folders.values()
-            for number, path in enumerate(paths)
+            for number, path in enumerate(photos)
         )
