@@ -38,7 +38,6 @@ def test_verbose_says_how_much_is_printed(cli, surfaces, tmp_path):
     assert re.search("Trains +mfcc_nb", verbose)
     assert "] Fold 0, mfcc_nb: 3 of 3 votes correct, trained in " in verbose
     assert "INFO" not in verbose
-    assert "] Testing: 0." in verbose
     assert Screen.verbose == 1
 
 

@@ -8,7 +8,6 @@ import ctypes
 import io
 import logging
 import os
-import re
 import sys
 import threading
 import warnings
@@ -28,7 +27,6 @@ QUIET, NORMAL, DEBUG = 0, 1, 2  # values of the key ``verbose``
 # Whose messages concern the user; others' only from warnings on.
 OWN = ("tex_lightning", "hydra", "hydra_plugins")
 STYLES = {logging.WARNING: "yellow", logging.ERROR: "red", logging.CRITICAL: "red"}
-VARYING = re.compile(r"\(.*?\)|\d+")  # of warnings that are alike otherwise, as of many letters
 log = logging.getLogger(__name__)
 
 
@@ -56,7 +54,7 @@ class Screen:
         verbose: ``QUIET``, ``NORMAL`` or ``DEBUG``.
         job: Such as ``Job 3: ``, of a sweep whose jobs run side by side: no line can be redrawn.
         sweep: Whether a table of all jobs follows.
-        logged: What is not logged again: of warnings of libraries what does not vary.
+        logged: What is not logged again: of warnings of libraries the line of code.
     """
 
     verbose: ClassVar[int] = NORMAL
@@ -87,12 +85,11 @@ def verbosity(verbose: int) -> Iterator[None]:
 def _warn(
     message: object, category: object, filename: str, lineno: int, *_: object, **__: object
 ) -> None:
-    """Log what libraries warn of in one line, and of warnings that are alike the first."""
-    text = " ".join(str(message).split())
-    kind = VARYING.sub("", text)
-    if kind not in Screen.logged:
-        Screen.logged.add(kind)
-        log.warning("%s (%s:%d)", text, Path(filename).name, lineno)
+    """Log what libraries warn of in one line, and of each line of their code the first."""
+    origin = f"{filename}:{lineno}"
+    if origin not in Screen.logged:
+        Screen.logged.add(origin)
+        log.warning("%s (%s)", " ".join(str(message).split()), Path(origin).name)
 
 
 def is_interactive() -> bool:

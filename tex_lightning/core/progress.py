@@ -7,7 +7,7 @@ import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from contextlib import contextmanager
-from typing import ClassVar, TypeVar
+from typing import ClassVar, Self, TypeVar
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Column
@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 
 
 class Stage:
-    """A level of the work, inside those that are begun and have not ended.
+    """A level of the work, inside those that have not ended; a ``with`` block ends it.
 
     Args:
         title: What is counted, such as ``fold``, or the name of the one that is being done.
@@ -39,15 +39,20 @@ class Stage:
         if not Stage.levels:
             Stage.bars, Stage.told = _bars(), time.monotonic()
             Stage.bars.start()
-        self.title, self.total, self.done, self.note = title, total, done, ""
-        self.began = time.monotonic()
+        self.title, self.total, self.note = title, total, ""
         self._task = Stage.bars.add_task("", total=total, completed=done)  # type: ignore[arg-type]
         Stage.levels.append(self)
         self.update(done)
 
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
     def update(self, done: float, *, title: str | None = None, notes: Sequence[str] = ()) -> None:
         """Show how many are done, and notes beside that."""
-        self.done, self.title = done, title or self.title
+        self.title = title or self.title
         self.note = ", ".join(notes) or self.note
         counted = self.total is not None and self.total > 1
         count = f" {min(int(done) + 1, self.total or 0)}/{self.total}" if counted else ""
@@ -59,7 +64,6 @@ class Stage:
     def end(self) -> None:
         """Take this level away, and what is left of those inside."""
         if self in Stage.levels:
-            log.debug("%s: %.2f s.", self.title, time.monotonic() - self.began)
             _cut(Stage.levels.index(self))
 
 
@@ -89,19 +93,9 @@ def _log_progress() -> None:
         log.info("%s.", "; ".join(level.label for level in Stage.levels))
 
 
-@contextmanager
-def stage(title: str, total: int | None, done: float = 0) -> Iterator[Stage]:
-    """A level of the work, as a ``with`` block."""
-    level = Stage(title, total, done)
-    try:
-        yield level
-    finally:
-        level.end()
-
-
 def track(items: Iterable[Item], title: str | Callable[[Item], str]) -> Iterator[Item]:
     """Yield items behind a bar that says what they are, or the name of each."""
-    with stage("", len(items) if isinstance(items, Sized) else None) as level:
+    with Stage("", len(items) if isinstance(items, Sized) else None) as level:
         for number, item in enumerate(items):
             level.update(number, title=title if isinstance(title, str) else title(item))
             yield item

@@ -6,11 +6,7 @@ imported, so that a mistyped command is answered at once.
 
 import logging
 import os
-import threading
-import time
 import warnings
-
-FAULT = 1
 
 RANKS = ("RANK", "LOCAL_RANK", "SLURM_PROCID")  # in the order in which Lightning looks at them
 STARTERS = ("TORCHELASTIC_RUN_ID", "SLURM_STEP_NUM_TASKS")
@@ -30,18 +26,6 @@ def started_processes() -> int | None:
 
 
 def suppress_output() -> None:
-    """Say nothing in this process, and end it when the one that Lightning started it from is gone.
-
-    An operation on GPUs would wait for that one for ever. Those that torchrun or SLURM have started
-    are ended by them.
-    """
+    """Say nothing in this process."""
     logging.disable()
     warnings.simplefilter("ignore")
-    if started_processes() is None:
-        threading.Thread(target=_live_with, args=(os.getppid(),), daemon=True).start()
-
-
-def _live_with(parent: int) -> None:
-    while os.getppid() == parent:
-        time.sleep(0.2)
-    os._exit(FAULT)

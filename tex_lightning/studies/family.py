@@ -21,7 +21,7 @@ from tex_lightning.config.composition import Job, read_config
 from tex_lightning.config.instantiation import INSTALL, missing_library, named_classes, trust
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import read_record
-from tex_lightning.core.progress import stage
+from tex_lightning.core.progress import Stage
 from tex_lightning.data.decode import Decoder
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.readers import read_recordings
@@ -163,7 +163,7 @@ def measure_family(systems: Sequence[System], folds: Sequence[int], directory: P
     """
     names = ", ".join(system.name for system in systems)
     shown: set[str] = set()
-    with stage("system", len(systems)) as level:
+    with Stage("system", len(systems)) as level:
         for number, system in enumerate(systems):
             level.update(number, title=system.name)
             dataset: Dataset | None = None

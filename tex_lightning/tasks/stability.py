@@ -10,7 +10,7 @@ from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import write_rows
-from tex_lightning.core.progress import stage
+from tex_lightning.core.progress import Stage
 from tex_lightning.data.store import skipped_entry
 from tex_lightning.evaluation.outcomes import environment, write_results
 from tex_lightning.perturbations.table import SEVERITIES, Perturbation
@@ -55,7 +55,7 @@ def _run_trials(
 ) -> list[StabilityRow]:
     """Run all severities of all perturbations."""
     trials = []
-    with stage("perturbation", len(chosen)) as level:
+    with Stage("perturbation", len(chosen)) as level:
         for number, perturbation in enumerate(chosen):
             level.update(number, notes=[perturbation.name])
             affected = [system for system in systems if system.meets(perturbation)]
