@@ -25,7 +25,7 @@ def test_recordings_follow_without_a_gap():
             assert sensor.fill(1.0)
             np.testing.assert_array_equal(sensor.take(1.0)[0, :2], 1000 * number + np.arange(2))
         assert not sensor.fill(1.0)
-        assert sensor.seconds == 0.5
+        assert sensor.count == 500
 
 
 def test_a_sensor_that_falls_silent_raises_an_error():

@@ -77,7 +77,7 @@ def chunks(given, how, seconds=None, timeout=2.0, modality="haptic"):
     source = open_source(modality, given, how)
     with Signal(modality, f"{modality}={given}", source, timeout) as signal:
         signal.fill(1e6 if seconds is None else seconds)
-        return source, signal.take(signal.seconds if seconds is None else seconds)
+        return source, signal.take(signal.count / source.rate if seconds is None else seconds)
 
 
 def test_a_serial_port_with_lines_of_text(pty):

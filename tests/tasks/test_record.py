@@ -13,7 +13,7 @@ from conftest import RATE, make_photo, make_trace
 from PIL import Image
 
 from tex_lightning.data.recordings import read_manifest
-from tex_lightning.recording.recorder import Recorder
+from tex_lightning.recording.recorder import Signal
 
 OAK = ("record.label=oak", f"record.haptic.rate={RATE}")
 
@@ -70,7 +70,6 @@ def test_a_pipe_is_written_whole(record, tmp_path, monkeypatch):
     for number in (0, 1):
         part = trace[12_500 * number : 12_500 * (number + 1)]
         np.testing.assert_array_equal(samples_of(tmp_path, f"oak_00{number + 1}.wav"), part)
-    assert "0.50 s are too short and not kept" in outcome.err
     assert "has ended after 2 of 3 recordings" in outcome.err
 
 
@@ -83,7 +82,7 @@ def test_all_senses_at_once(record, tmp_path):
     outcome = record(
         *OAK, f"haptic={tmp_path / 'lines'}", "record.haptic.format=text", "record.haptic.axes=3",
         f"sound={tmp_path / 's.flac'}", f"image={tmp_path / 'photo.png'}", "record.seconds=0.4",
-        "record.least_seconds=0.3", "record.conditions={speed:60}",
+        "record.conditions={speed:60}",
     )  # fmt: skip
     lines(outcome)
     np.testing.assert_array_equal(samples_of(tmp_path, "oak_001.wav"), trace[:, :4000])
@@ -99,24 +98,19 @@ def test_all_senses_at_once(record, tmp_path):
     assert (info.frames, info.samplerate, info.subtype) == (8820, 22_050, "FLOAT")
 
 
-@pytest.mark.parametrize("kept", [True, False])
-def test_ctrl_c_keeps_what_is_long_enough(record, tmp_path, monkeypatch, kept):
-    follow, trace = Recorder.follow, make_trace(0, 0, seconds=3)
+def test_ctrl_c_keeps_the_recordings_that_are_whole(record, tmp_path, monkeypatch):
+    fill, counts = Signal.fill, iter(range(15))
 
-    def interrupted(self, name, seconds):
-        follow(self, name, seconds)
-        if seconds >= 1.5:
+    def interrupted(self, seconds):
+        if next(counts, None) is None:
             raise KeyboardInterrupt
+        return fill(self, seconds)
 
-    monkeypatch.setattr(Recorder, "follow", interrupted)
-    outcome = record(*OAK, f"record.least_seconds={1 if kept else 2}", haptic=trace)
+    monkeypatch.setattr(Signal, "fill", interrupted)
+    trace = make_trace(0, 0, seconds=3)
+    outcome = record(*OAK, "record.seconds=1", "record.count=3", haptic=trace)
     assert outcome.status == 130
-    assert written(tmp_path) == (["manifest.csv", "oak/haptic/oak_001.wav"] if kept else [])
-    if kept:
-        samples = samples_of(tmp_path, "oak_001.wav")
-        np.testing.assert_array_equal(samples, trace[: len(samples)])
-    else:
-        assert "what was begun is not kept" in outcome.err
+    assert written(tmp_path) == ["manifest.csv", "oak/haptic/oak_001.wav"]
 
 
 @pytest.mark.parametrize(
@@ -131,8 +125,8 @@ def test_ctrl_c_keeps_what_is_long_enough(record, tmp_path, monkeypatch, kept):
             ],
         ),
         (
-            ["record.seconds=1", "record.least_seconds=0.9"],
-            ["has ended before a recording was as long as"],
+            ["record.seconds=0.9"],
+            ["has ended before a recording was as long as record.seconds=0.9; send more"],
         ),
     ],
 )

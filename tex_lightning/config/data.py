@@ -102,8 +102,7 @@ class RecordConfig:
 
     label: str | None = key("class that is recorded, a folder of record.out", default=None)
     out: str | None = key("folder of the data set, new or existing", default=None)
-    seconds: float = key("length of a recording, or its limit", **HOUR)
-    least_seconds: float = key("shorter recordings, as after an interrupt, are not kept", **HOUR)
+    seconds: float = key("length of a recording", **HOUR)
     count: int = key("number of recordings, one after the other", "[1, 10000]")
     timeout: float = key("longest time without data of a source", **HOUR)
     conditions: dict[str, Any] = key(

@@ -9,15 +9,14 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, nullcontext
-from pathlib import Path
+from contextlib import ExitStack
 from typing import Self
 
 import numpy as np
-from rich.status import Status
 
 from tex_lightning.config import Config
 from tex_lightning.core.console import console, print_line, say
+from tex_lightning.core.progress import track
 from tex_lightning.data.quality import TraceMonitor, photo_quality
 from tex_lightning.data.recordings import name_one
 from tex_lightning.errors import UserError
@@ -87,11 +86,6 @@ class Signal:
             except queue.Full:
                 continue
 
-    @property
-    def seconds(self) -> float:
-        """Length of what has arrived."""
-        return self.count / self.source.rate
-
     def fill(self, seconds: float) -> bool:
         """Wait until so many seconds have arrived; return whether they have before the end.
 
@@ -142,110 +136,74 @@ class Signal:
         return warnings
 
 
-class Recorder:
-    """Recordings of some signals, perhaps with a photo at the beginning of each.
+def record(config: Config, folder: ClassFolder, camera: Camera | None) -> None:
+    """Make ``record.count`` recordings, or as many as there are before a source ends.
 
     Args:
         config: The whole configuration.
         folder: Where they are written.
-        camera: Function that takes a photo; None takes none.
-        stack: Closes the sources, which begin.
+        camera: Function that takes a photo at the beginning of each; None takes none. Photos alone
+            are ``record.seconds`` apart.
 
     Raises:
-        UserError: If a source cannot be used.
+        UserError: If a source cannot be used, or ends before one recording is whole.
     """
-
-    def __init__(
-        self, config: Config, folder: ClassFolder, camera: Camera | None, stack: ExitStack
-    ) -> None:
-        self.settings, self.folder, self.camera = config.record, folder, camera
-        self.signals: list[Signal] = []
-        for modality in ("haptic", "sound"):
-            if modality in config.files:
-                name = str(config.files[modality])
-                source = open_source(modality, name, getattr(config.record, modality))
-                signal = Signal(modality, f"{modality}={name}", source, config.record.timeout)
-                self.signals.append(stack.enter_context(signal))
-        self.photo: Pixels | None = None
-        self.status = Status("", console=console)
-
-    def record(self) -> None:
-        """Make ``record.count`` recordings, or as many as there are before a source ends.
-
-        Raises:
-            UserError: If there is none.
-        """
-        done, goes_on = 0, True
-        while done < self.settings.count and goes_on:
-            goes_on = self._record_one()
-            done += self._keep()
-        if not done:
-            raise UserError(
-                f"{self.signals[0].name} has ended before a recording was as long as "
-                f"record.least_seconds={self.settings.least_seconds:g}; send more."
-            )
-        if done < self.settings.count:
-            log.info("The source has ended after %d of %d recordings.", done, self.settings.count)
-
-    def _record_one(self) -> bool:
-        """Make a recording; return whether the sources go on."""
-        self.photo = None if self.camera is None else self.camera()
-        name, seconds = self.folder.next_name(), self.settings.seconds
-        try:
-            with self.status if console.is_terminal else nullcontext():
-                for end in np.arange(STEP, seconds + STEP, STEP).clip(max=seconds).tolist():
-                    if not all([signal.fill(end) for signal in self.signals]):
-                        return False
-                    self.follow(name, end)
-        except KeyboardInterrupt:
-            if not self._keep():
-                log.info("Interrupted; what was begun is not kept.")
-            raise
-        return True
-
-    def follow(self, name: str, seconds: float) -> None:
-        """Show how much of a recording is there, on a terminal."""
-        self.status.update(f"{name}  {seconds:.1f}/{self.settings.seconds:g} s")
-
-    def _keep(self) -> bool:
-        """Write what has arrived, all signals of one length; return whether it is long enough."""
-        seconds = min(self.settings.seconds, *(signal.seconds for signal in self.signals))
-        if seconds < min(self.settings.least_seconds, self.settings.seconds):
-            if seconds:
-                log.info("%.2f s are too short and not kept (record.least_seconds).", seconds)
-            return False
-        samples = [signal.take(seconds) for signal in self.signals]
-        warnings: list[str] = []
-        for signal, chunk in zip(self.signals, samples, strict=True):
-            warnings += signal.warnings(chunk)
-        named = zip(self.signals, samples, strict=True)
-        written = {signal.modality: (signal.source.rate, chunk) for signal, chunk in named}
-        write_recording(self.folder, written, self.photo, warnings, seconds=seconds)
-        return True
+    settings, done = config.record, 0
+    with ExitStack() as stack:
+        signals = [
+            stack.enter_context(open_signal(config, modality))
+            for modality in ("haptic", "sound")
+            if modality in config.files
+        ]
+        for done in range(settings.count):
+            if done and not signals:
+                time.sleep(settings.seconds)
+            photo = None if camera is None else camera()
+            if not _fill(signals, settings.seconds, folder.next_name()):
+                break
+            _write(folder, signals, photo, settings.seconds)
+        else:
+            return
+    if not done:
+        raise UserError(
+            f"{signals[0].name} has ended before a recording was as long as "
+            f"record.seconds={settings.seconds:g}; send more."
+        )
+    log.info("The source has ended after %d of %d recordings.", done, settings.count)
 
 
-def record_photos(camera: Camera, folder: ClassFolder, count: int, seconds: float) -> None:
-    """Take photos alone, with time between them to move on."""
-    for done in range(count):
-        if done:
-            time.sleep(seconds)
-        write_recording(folder, {}, camera(), [])
+def open_signal(config: Config, modality: str) -> Signal:
+    """Open the source of one modality."""
+    name = str(config.files[modality])
+    source = open_source(modality, name, getattr(config.record, modality))
+    return Signal(modality, f"{modality}={name}", source, config.record.timeout)
 
 
-def write_recording(
-    folder: ClassFolder,
-    signals: dict[str, tuple[int, Chunk]],
-    photo: Pixels | None,
-    warnings: Sequence[str],
-    **more: object,
+def _fill(signals: Sequence[Signal], seconds: float, name: str) -> bool:
+    """Wait for so many seconds of all signals, in turn; return whether they come before the end."""
+    steps = np.arange(STEP, seconds + STEP, STEP).clip(max=seconds).tolist()
+    return all(signal.fill(end) for end in track(steps, name) for signal in signals)
+
+
+def _write(
+    folder: ClassFolder, signals: Sequence[Signal], photo: Pixels | None, seconds: float
 ) -> None:
     """Write a recording and print its files and faults: as JSON, unless on a terminal."""
-    files: list[Path] = folder.add(signals, photo)
-    warnings = [*warnings, *(() if photo is None else photo_quality(photo, {}, "photo").warnings)]
+    samples = [signal.take(seconds) for signal in signals]
+    warnings = [
+        text
+        for signal, chunk in zip(signals, samples, strict=True)
+        for text in signal.warnings(chunk)
+    ]
+    if photo is not None:
+        warnings += photo_quality(photo, {}, "photo").warnings
+    named = zip(signals, samples, strict=True)
+    files = folder.add({s.modality: (s.source.rate, chunk) for s, chunk in named}, photo)
     name, paths = files[0].stem, [str(file) for file in files]
     for text in warnings:
         log.warning("%s: %s", name, text)
     if console.is_terminal and sys.stdout.isatty():
         say(f"{name} is written: {', '.join(paths)}.")
     else:
-        print_line({"recording": name, **more, "files": paths, "warnings": warnings})
+        length = {"seconds": seconds} if signals else {}
+        print_line({"recording": name, **length, "files": paths, "warnings": warnings})
