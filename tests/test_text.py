@@ -113,10 +113,10 @@ def test_the_page_shows_names_as_text_and_fetches_nothing(run):
         assert name in page.words
 
 
-def test_terminal_figure_and_card_take_such_names(run, cli, tmp_path):
+def test_terminal_and_card_take_such_names(run, cli, tmp_path):
     one = cli(
         "task=predict", f"checkpoint={run / 'folds' / '0'}", "verbose=0",
-        f"haptic={_manifest(run).parent}/*_0.wav", f"predict.figure={tmp_path / 'why.png'}",
+        f"haptic={_manifest(run).parent}/*_0.wav",
     )  # fmt: skip
     assert one.status == 0, one.err
     assert not STEERING.search(one.out)

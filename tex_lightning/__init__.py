@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 __version__ = "0.2.0"
 
 __all__ = [
-    "Explanation",
     "FusionNet",
     "HapticNet",
     "Prediction",
@@ -42,7 +41,6 @@ __all__ = [
 # Where a public name is defined. Most modules need PyTorch, which is imported when one is asked
 # for: a mistyped command is refused before.
 _MODULES = {
-    "Explanation": "report.explanation",
     "FusionNet": "networks.fusionnet",
     "HapticNet": "networks.hapticnet",
     "Prediction": "inference.prediction",

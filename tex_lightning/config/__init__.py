@@ -76,8 +76,7 @@ class Config:
         factory=list,
     )
     explained_samples: int = key(
-        "number of test samples whose votes are drawn (docs/predict.md): wrong ones, the surest "
-        "first, or if there are none the least sure",
+        "number of misclassified test samples that are drawn with the class of every position",
         "[0, 100]",
     )
     data: DataConfig = field(default_factory=DataConfig)
@@ -89,7 +88,6 @@ class Config:
     logger: dict[str, Any] = key("loggers by name, each with its _target_", factory=dict)
     crossval: tasks.CrossvalConfig = field(default_factory=tasks.CrossvalConfig)
     enroll: tasks.EnrollConfig = field(default_factory=tasks.EnrollConfig)
-    predict: tasks.PredictConfig = field(default_factory=tasks.PredictConfig)
     stream: StreamConfig = field(default_factory=StreamConfig)
     record: RecordConfig = field(default_factory=RecordConfig)
     export: tasks.ExportConfig = field(default_factory=tasks.ExportConfig)

@@ -114,17 +114,6 @@ class EnrollConfig:
 
 
 @dataclass
-class PredictConfig:
-    """Prediction."""
-
-    figure: str | None = key(
-        "PNG file for a drawing of why the label was chosen (docs/predict.md); of several samples "
-        "each has its own, FILE_NUMBER.png",
-        default=None,
-    )
-
-
-@dataclass
 class StreamConfig:
     """Classification while a recording goes on."""
 

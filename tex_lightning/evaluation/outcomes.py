@@ -89,12 +89,10 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
 
 
 def worst_samples(outcomes: Sequence[Outcome], count: int) -> list[int]:
-    """Return indices of the most confident wrong samples, or of the least confident if none is."""
+    """Return the indices of at most ``count`` misclassified samples, the most confident first."""
     confidence = [each.class_probabilities.get(each.predicted, each.share) for each in outcomes]
     wrong = [row for row, each in enumerate(outcomes) if each.label != each.predicted]
-    if wrong:
-        return sorted(wrong, key=lambda row: -confidence[row])[:count]
-    return sorted(range(len(outcomes)), key=confidence.__getitem__)[: min(count, 1)]
+    return sorted(wrong, key=lambda row: -confidence[row])[:count]
 
 
 def optimized_value(results: dict[str, Any]) -> float:

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from torch import Tensor
@@ -11,7 +11,6 @@ from torch import Tensor
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.classifier.vote import Vote
 from tex_lightning.config import Config
 from tex_lightning.config.check import checked_config
 from tex_lightning.config.composition import compose_config
@@ -21,14 +20,10 @@ from tex_lightning.core.devices import pick_device, synchronise, use_tf32
 from tex_lightning.core.run_folder import find_checkpoint
 from tex_lightning.data.quality import Quality, together
 from tex_lightning.errors import UserError
-from tex_lightning.inference.early_stopping import SequentialClassifier, make_inference_model
+from tex_lightning.inference.early_stopping import make_inference_model
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.inference.evidence import Evidence, classify_with_maps
 from tex_lightning.inference.prediction import Prediction, check_unknown, describe
 from tex_lightning.inference.stream import LiveStream
-
-if TYPE_CHECKING:
-    from tex_lightning.report.explanation import Explanation
 
 Input = str | Path | np.ndarray[Any, Any] | Tensor | list[Any] | None
 TASK = "predict"
@@ -114,47 +109,13 @@ class Predictor:
         Raises:
             UserError: If the input is unusable, or of a modality that the checkpoint does not use.
         """
-        return self._classified(recordings, rate, colour)[0]
-
-    def explain(
-        self, *, rate: float | None = None, colour: str = "rgb", **recordings: Input
-    ) -> "Explanation":
-        """Classify one sample, and keep the scores and extent of every position.
-
-        It takes the arguments of :meth:`predict` and gives the same prediction, except that
-        ``decision=sequential`` is replaced by the full decision. Draw it by
-        ``explain(...).figure()`` or ``.save("WHY.png")``.
-
-        Raises:
-            UserError: As :meth:`predict`, and if this is a baseline, which has no positions.
-        """
-        from tex_lightning.report.explanation import Explanation  # slow: it imports Matplotlib
-
-        prediction, vote, found = self._classified(recordings, rate, colour, maps=True)
-        return Explanation.of(prediction, self.card.classes, vote.label, found)
-
-    def _classified(
-        self,
-        recordings: Mapping[str, Input],
-        rate: float | None,
-        colour: str,
-        *,
-        maps: bool = False,
-    ) -> tuple[Prediction, Vote, dict[str, Evidence]]:
-        """Classify one sample; with ``maps`` by the full decision, and what it is made of."""
         given = {name: each for name, each in recordings.items() if each is not None}
         self.check_senses(given)
         decider = self._decider(self._senses(given))
         begin = time.perf_counter()
         try:
             decoded = self._decoded(given, rate, colour)
-            inputs = {name: each for name, (each, _) in decoded.items()}
-            found: dict[str, Evidence] = {}
-            if maps:
-                full = decider.full if isinstance(decider, SequentialClassifier) else decider
-                vote, found = classify_with_maps(full, inputs)
-            else:
-                vote = decider.classify(**inputs)
+            vote = decider.classify(**{name: array for name, (array, _) in decoded.items()})
         except UserError as error:
             files = [str(each) for each in given.values() if isinstance(each, str | Path)]
             if not files or any(file in str(error) for file in files):
@@ -162,10 +123,9 @@ class Predictor:
             raise UserError(f"{' and '.join(files)}: {error}") from error
         synchronise(decider.device)
         latency, fused = time.perf_counter() - begin, self.classifier.fusion is not None
-        said = decider.card.modalities if fused else ()
-        quality = together(each for _, each in decoded.values())
-        prediction = describe(vote, decider.card, quality, self.config.top_k, latency, said)
-        return prediction, vote, found
+        modalities = decider.card.modalities if fused else ()
+        quality = together(quality for _, quality in decoded.values())
+        return describe(vote, decider.card, quality, self.config.top_k, latency, modalities)
 
     def stream(
         self,

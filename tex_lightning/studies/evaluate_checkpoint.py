@@ -10,7 +10,6 @@ from tex_lightning.classifier.classifier import SurfaceClassifier, Trained
 from tex_lightning.config import Config
 from tex_lightning.core.devices import pick_device
 from tex_lightning.data.folds import Sample
-from tex_lightning.data.quality import Quality
 from tex_lightning.data.store import Store, Unusable, load_sample, skipped_entry
 from tex_lightning.evaluation.calibration import calibration, selective
 from tex_lightning.evaluation.conditions import by_condition
@@ -26,12 +25,9 @@ from tex_lightning.evaluation.outcomes import (
 from tex_lightning.evaluation.samples import run_test
 from tex_lightning.inference.early_stopping import make_inference_model
 from tex_lightning.inference.engine import accelerate, count_macs
-from tex_lightning.inference.evidence import classify_with_maps
-from tex_lightning.inference.prediction import describe, warn_of_few
-from tex_lightning.report.explanation import Explanation
+from tex_lightning.inference.prediction import warn_of_few
 from tex_lightning.report.figures import calibration_figure, confusion_figure, save_figure
-
-CANDIDATES = 3  # classes whose votes are shown in the map of a sample
+from tex_lightning.report.sample_figure import sample_figure
 
 
 def results_frame(
@@ -137,23 +133,17 @@ def draw_worst(
     config: Config,
     directory: Path,
 ) -> None:
-    """Draw the worst samples by the full decision, in place of what an earlier run drew.
-
-    A baseline has no such pictures.
-    """
+    """Draw the worst samples, in place of those of an earlier run; a baseline has no positions."""
     name = classifier.card.kind
-    for older in (directory / "figures").glob(f"{glob.escape(name)}_why_*"):
+    for older in (directory / "figures").glob(f"{glob.escape(name)}_wrong_*"):
         older.unlink()
     worst = worst_samples(outcomes, config.explained_samples)
     if classifier.card.baseline or not worst:
         return
     fast = accelerate(classifier, config.engine)
-    fast.card = fast.card.deciding(config.decision)
     for number, row in enumerate(worst, start=1):
-        sample = samples[row]
-        files = ", ".join(Path(each.source).name for each in sample.recordings.values())
-        vote, senses = classify_with_maps(fast, load_sample(sample, store))
-        prediction = describe(vote, fast.card, Quality(), CANDIDATES, 0.0, ())
-        explanation = Explanation.of(prediction, fast.card.classes, vote.label, senses)
-        figure = explanation.figure(f"{name}: test sample of {sample.label} ({files})")
-        save_figure(figure, directory / "figures" / f"{name}_why_{number}")
+        outcome = outcomes[row]
+        files = ", ".join(Path(file).name for file in outcome.files.values())
+        title = f"{outcome.label} classified as {outcome.predicted} ({files})"
+        figure = sample_figure(fast, load_sample(samples[row], store), title)
+        save_figure(figure, directory / "figures" / f"{name}_wrong_{number}")

@@ -14,7 +14,6 @@ from tex_lightning.data.readers.folder import suffixes_of
 from tex_lightning.data.recordings import natural_key, plural
 from tex_lightning.data.traces import stands_for_all
 from tex_lightning.errors import UserError
-from tex_lightning.inference.evidence import refuse_baseline
 from tex_lightning.inference.predictor import Predictor
 
 MAX_FAILURES = 20  # that are printed
@@ -26,7 +25,7 @@ def run(config: Config, job: Job) -> None:
     Files of several modalities are matched as :func:`match_files` says. Decoding is part of
     the latency. Of a FusionNet that is not given all modalities, its part for those that are there
     decides; with a FusionNet each line says what was looked at. A sample that cannot be classified
-    does not stop the others. With ``predict.figure`` each is drawn, too.
+    does not stop the others.
 
     Raises:
         UserError: At the end, naming the samples that could not be classified.
@@ -34,37 +33,18 @@ def run(config: Config, job: Job) -> None:
     predictor = Predictor(load_classifier(str(config.checkpoint)), config)
     predictor.check_senses(config.files)
     samples = match_files({name: find_files(name, value) for name, value in config.files.items()})
-    drawn = None if config.predict.figure is None else Path(config.predict.figure).expanduser()
-    if drawn is not None:
-        refuse_baseline(predictor.classifier)
     failures = []
-    for number, files in enumerate(samples, start=1):
-        figure = None if drawn is None else _figure_path(drawn, number, len(samples))
+    for files in samples:
+        recordings: dict[str, Any] = dict(files)
         try:
-            said = _classify(predictor, files, figure)
+            prediction = predictor.predict(**recordings)
         except UserError as error:
             failures.append(str(error))
             continue
-        print_line({**{name: str(file) for name, file in files.items()}, **said})
+        names = {name: str(file) for name, file in files.items()}
+        print_line({**names, **prediction.to_dict()})
     if failures:
         raise UserError(*_failed(failures, len(samples)))
-
-
-def _classify(
-    predictor: Predictor, files: Mapping[str, Path], figure: Path | None
-) -> dict[str, Any]:
-    """Return what is printed of a sample, which is drawn if there is a file for it."""
-    recordings: dict[str, Any] = dict(files)
-    if figure is None:
-        return predictor.predict(**recordings).to_dict()
-    explanation = predictor.explain(**recordings)
-    explanation.save(figure, ", ".join(path.name for path in files.values()))
-    return {**explanation.prediction.to_dict(), "figure": str(figure)}
-
-
-def _figure_path(path: Path, number: int, samples: int) -> Path:
-    """Return where a sample is drawn; of several each has its number behind the name."""
-    return path if samples == 1 else path.with_name(f"{path.stem}_{number}{path.suffix}")
 
 
 def _failed(failures: list[str], samples: int) -> list[str]:
