@@ -41,7 +41,7 @@ def _classifier(norm: str) -> SurfaceClassifier:
 
 def _replay(classifier: SurfaceClassifier, window: float | None) -> dict[str, float]:
     trace = torch.randn(1, SECONDS * RATE, generator=torch.Generator().manual_seed(0))
-    config = StreamConfig(chunk=CHUNK, window=window, contact=0, axes=1)
+    config = StreamConfig(chunk=CHUNK, window=window, axes=1)
     stream = LiveStream(classifier, {"haptic": None}, {}, config, top_k=1)
     spent = []
     for chunk in trace.split(round(CHUNK * RATE), dim=1):

@@ -16,12 +16,12 @@ from tex_lightning.inference.stream import LiveStream
 CHUNK = RATE // 10
 
 
-def make_stream(window=2.0, contact=0.1, **features) -> LiveStream:
+def make_stream(window=2.0, **features) -> LiveStream:
     """Of a HapticNet with random weights that takes traces of a level from 1 on."""
     torch.manual_seed(0)
     card = make_card("haptic", classes=["a", "b", "c"], width=0.1, **features)
     card.input_ranges["haptic"] = {"level": [1.0, 5.0], "rate": [RATE, RATE]}
-    config = StreamConfig(chunk=0.1, window=window, contact=contact, axes=1)
+    config = StreamConfig(chunk=0.1, window=window, axes=1)
     classifier = SurfaceClassifier(card).eval()
     return LiveStream(classifier, {"haptic": None}, {}, config, top_k=3)
 
@@ -37,7 +37,7 @@ def test_the_last_seconds_vote_as_if_there_were_no_others(axes):
     stream, trace = make_stream(window=2.5, skip_impact=False), noise(4.05, axes=axes)
     for end in range(CHUNK, trace.shape[1] + CHUNK, CHUNK):
         found = stream.push(trace[:, end - CHUNK : end])
-    vote = stream.classifier.classify(haptic=torch.from_numpy(trace[:, 15_000:40_000]))
+    vote = stream.classifier.classify(haptic=torch.from_numpy(trace[:, 15_500:]))
     assert found.fragments == len(vote.fragments)
     assert found.probability == pytest.approx(vote.probability)
 
@@ -54,36 +54,20 @@ def test_chunks_do_not_matter(chunks):
     assert found.probability == expected.probability
 
 
-def test_a_pause_says_so_and_the_vote_begins_anew_behind_the_touch(bands):
+def test_the_label_follows_the_surface_and_a_pause_is_warned_of(bands):
     pause = 1e-4 * np.random.default_rng(0).standard_normal(RATE)
-    joined = np.concatenate([pause, make_trace(0, 0, 2.0), pause, make_trace(2, 0, 2.0)])
-    stream = tl.load(bands, "stream.window=2").stream()
-    found = [stream.push(joined[start : start + CHUNK]) for start in range(0, len(joined), CHUNK)]
-    contact = [False] * 10 + [True] * 22 + [False] * 8 + [True] * 20
-    assert [each.contact for each in found] == contact
-    assert {each.label for each in found[:15]} == {None}
-    assert {each.label for each in found[15:32]} == {"alpha"}
-    assert {each.label for each in found[32:45]} == {None}
-    assert {each.label for each in found[45:]} == {"gamma"}
-    assert found[35].fragments == 0
-
-
-def test_a_stroke_may_turn_round_and_no_level_is_a_pause_where_none_is_known():
-    turn = np.concatenate((noise(1.0), noise(0.2, 1e-3), noise(1.0)), axis=1)
-    stream = make_stream()
-    assert stream.push(turn).label is not None
-    assert (stream.window.contact, stream.window.count) == (True, 20)
-    faint = make_stream(contact=0)
-    assert faint.push(noise(1.0, 1e-3)).label is not None
-    assert faint.push(np.full((1, RATE), 9.8)).label is None  # nothing at all
+    joined = np.concatenate([make_trace(0, 0, 2.0), pause, make_trace(2, 0, 2.0)])
+    stream = tl.load(bands, "stream.window=0.8").stream()
+    said = [stream.push(joined[start : start + CHUNK]) for start in range(0, len(joined), CHUNK)]
+    assert {each.label for each in said[5:20]} == {"alpha"}
+    assert {each.label for each in said[39:]} == {"gamma"}
+    assert [bool(each.warnings) for each in (said[19], said[28], said[39])] == [False, True, False]
 
 
 def test_what_prevents_a_vote_is_said_in_the_end():
     stream = make_stream()
     with pytest.raises(UserError, match="ended too soon"):
         stream.check()
-    stream.push(noise(1.0, 1e-3))
-    stream.check()  # nothing was touched
 
     def refuse(*_):
         raise UserError("Too short.")

@@ -124,9 +124,6 @@ class StreamConfig:
         unit="s",
         default=None,
     )
-    contact: float = key(
-        "level of no contact, as a share of that of the quietest training recordings", SHARE
-    )
     axes: int = key("axes of the samples on standard input (haptic=-)", "[1, 64]")
 
 

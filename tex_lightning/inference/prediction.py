@@ -34,8 +34,6 @@ class Prediction:
         warnings: What is wrong with the input, one sentence each.
         modalities: Modalities that a FusionNet used; empty for other networks.
         latency_ms: Time from file or array to label in milliseconds.
-        contact: Whether the tool touches a surface at the end of a stream with
-            ``stream.window``; None without a window.
         novelty: How unlike every class of the training the sample is, from 0 to 2 for each sense;
             None without ``decision.unknown``.
 
@@ -56,12 +54,11 @@ class Prediction:
     warnings: tuple[str, ...]
     modalities: tuple[str, ...]
     latency_ms: float
-    contact: bool | None = None
     novelty: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON; leave out those that say nothing about this sample."""
-        values, empty = asdict(self), {"rejected", "modalities", "novelty", "contact"}
+        values, empty = asdict(self), {"rejected", "modalities", "novelty"}
         left_out = {name for name in empty if values[name] in (None, ())}
         return {name: value for name, value in values.items() if name not in left_out}
 

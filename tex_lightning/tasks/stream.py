@@ -20,8 +20,8 @@ from tex_lightning.senses.signal import SignalSense
 
 SAMPLE = np.dtype("<f4")  # of standard input
 KEYS = (
-    "label", "rejected", "probability", "confidence", "fragments", "contact", "novelty",
-    "warnings", "latency_ms",
+    "label", "rejected", "probability", "confidence", "fragments", "novelty", "warnings",
+    "latency_ms",
 )  # fmt: skip
 PIPE = "-"
 
