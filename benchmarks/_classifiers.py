@@ -5,10 +5,10 @@ from functools import cache
 import torch
 from torch import nn
 
+from tex_lightning.classifier.card import configured_card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import compose_config, read_config
-from tex_lightning.studies.dataset import configured_card
 
 
 @cache
@@ -22,7 +22,7 @@ def make_classifier(*overrides: str, classes: int = 16) -> SurfaceClassifier:
     torch.manual_seed(0)
     config = configured(*overrides)
     names = [f"class{number}" for number in range(classes)]
-    classifier = SurfaceClassifier(configured_card(config, config.model.senses, names)).eval()
+    classifier = SurfaceClassifier(configured_card(config, names)).eval()
     for sense in classifier.senses.values():
         for layer in sense.network.get_submodule("head").modules():
             if isinstance(layer, nn.Conv2d):

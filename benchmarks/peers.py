@@ -16,11 +16,11 @@ import numpy as np
 import torch
 
 from benchmarks._classifiers import configured
+from tex_lightning.classifier.card import configured_card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.decode import SignalDecoder, Trace
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.studies.dataset import configured_card
 from tex_lightning.studies.timing import interleaved
 from tex_lightning.synthetic import make_materials
 from tex_lightning.synthetic.specimen import Specimen
@@ -81,7 +81,7 @@ def _traces() -> tuple[list[str], list[Trace]]:
 def _hapticnet(labels: list[str], traces: list[Trace]) -> SurfaceClassifier:
     """The default HapticNet as prediction runs it, its features fitted on the traces."""
     config = configured("model=haptic")
-    classifier = SurfaceClassifier(configured_card(config, ["haptic"], sorted(set(labels)))).eval()
+    classifier = SurfaceClassifier(configured_card(config, sorted(set(labels)))).eval()
     features: Any = classifier.senses["haptic"].features
     features.fit([features.magnitudes(torch.from_numpy(trace)) for trace in traces])
     return accelerate(classifier, config.engine)

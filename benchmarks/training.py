@@ -30,6 +30,7 @@ from lightning import Callback, LightningModule, Trainer
 from torch import Tensor, nn
 
 from benchmarks._classifiers import configured
+from tex_lightning.classifier.card import configured_card
 from tex_lightning.classifier.classifier import Trained
 from tex_lightning.config import Config
 from tex_lightning.config.model import FUSION
@@ -38,7 +39,8 @@ from tex_lightning.data.datamodule import Batch, SurfaceData, TrainingBatches
 from tex_lightning.evaluation.outcomes import environment
 from tex_lightning.learning.module import SurfaceModule
 from tex_lightning.learning.train import train_network
-from tex_lightning.studies.dataset import Dataset, make_card, open_dataset
+from tex_lightning.studies.dataset import Dataset
+from tex_lightning.studies.fold import complete_recipe, open_training
 
 CORE = ("forward", "backward", "optimiser")  # what a training step is for
 PARTS = ("data", "augmentation", *CORE)
@@ -219,13 +221,13 @@ def measure(overrides: tuple[str, ...] = ()) -> dict[str, Any]:
     keep_memory()
     with tempfile.TemporaryDirectory() as folder:
         config = _config(overrides)
-        dataset, model = open_dataset(config, Path(folder)), config.model
+        dataset, model = open_training(config, Path(folder)), config.model
         for kind in dict.fromkeys([*model.senses, model.kind]):
             watch = Turns()
             if kind == FUSION:
-                _train(dataset, Path(folder), model.senses, unimodal, watch)
+                _train(config, dataset, Path(folder), model.senses, unimodal, watch)
             else:
-                unimodal[kind] = _train(dataset, Path(folder), [kind], {}, watch)
+                unimodal[kind] = _train(config, dataset, Path(folder), [kind], {}, watch)
             networks[kind] = watch.summary(model.fit_values(kind)["steps_per_epoch"])
     return {"environment": environment(torch.device("cpu")), "networks": networks}
 
@@ -238,10 +240,17 @@ def _config(overrides: tuple[str, ...]) -> Config:
 
 
 def _train(
-    dataset: Dataset, folder: Path, senses: list[str], unimodal: dict[str, Trained], watch: Turns
+    config: Config,
+    dataset: Dataset,
+    folder: Path,
+    senses: list[str],
+    unimodal: dict[str, Trained],
+    watch: Turns,
 ) -> Trained:
-    card, parts = make_card(dataset, senses, unimodal), dataset.parts()
-    return train_network(dataset.config, card, parts, dataset.store, folder, unimodal, watch)
+    parts, store = dataset.parts(config.data), dataset.store
+    card = configured_card(config, dataset.classes).of(senses)
+    card = complete_recipe(config, card, parts, store, unimodal)
+    return train_network(config, card, parts, store, folder, unimodal, (), watch)
 
 
 def main() -> None:

@@ -11,7 +11,7 @@ from typing import Any, Self, get_args
 import torch
 
 from tex_lightning.classifier.vote import RULES
-from tex_lightning.config import DecisionConfig
+from tex_lightning.config import Config, DecisionConfig
 from tex_lightning.config.instantiation import TARGET
 from tex_lightning.config.model import FUSION, LARGEST, kind_of
 from tex_lightning.config.tasks import MAX_PAIRS
@@ -175,6 +175,24 @@ class Card:
         """Divisor of the logits before the softmax."""
         found: float = self.calibration.get("temperature", 1.0)
         return found
+
+
+def configured_card(config: Config, classes: list[str]) -> Card:
+    """Describe the classifier of a configuration by its recipe alone, as if nothing trained it."""
+    model, sources = config.model, config.sources
+    baseline = {
+        "name": model.name,
+        "node": model.baseline,
+        "budget": model.budget,
+        "weights": next(iter(sources.values()), None),
+    }
+    return Card(
+        classes=classes,
+        senses={name: model.sense(name).node for name in model.senses},
+        decision={key: getattr(config.decision, key) for key in DECISION},
+        fusion={"level": model.fusion.level} if len(model.senses) > 1 else {},
+        baseline={} if model.baseline is None else baseline,
+    )
 
 
 def novelty_threshold(known: Sequence[float], rate: float) -> float:

@@ -4,7 +4,7 @@
 marks what a configuration file or the user has to fill in.
 """
 
-from dataclasses import dataclass, field, is_dataclass
+from dataclasses import dataclass, field, is_dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -102,26 +102,24 @@ class Config:
         files = {"haptic": self.haptic, "image": self.image, "sound": self.sound, **self.own}
         return {modality: value for modality, value in files.items() if value is not None}
 
-    def weights_of(self, sense: str) -> str | None:
-        """Source of the first weights of one sense's trunk; None is random.
+    def on_fold(self, fold: int) -> "Config":
+        """Copy it with another test fold."""
+        return replace(self, data=replace(self.data, test_fold=fold))
+
+    @property
+    def sources(self) -> dict[str, str]:
+        """Sources of the first weights of trunks, by sense; one that has none is random.
 
         ``{TRUNK: SOURCE, haptic: SOURCE}`` names several, such as those of a sweep; a single source
         is meant for the photos' trunk, or for that of the only sense.
         """
+        senses = self.model.senses
         if isinstance(self.weights, dict):
-            source: str | None = self.weights.get(trunk_name(self.model, sense))
-            return source
-        alone = self.model.senses == [sense]
-        return self.weights if alone or sense == "visual" else None
-
-    def start_of(self, kind: str) -> str | None:
-        """Source of a network's first weights; FusionNet's senses are trained already."""
-        return None if kind == FUSION else self.weights_of(kind)
-
-    @property
-    def baseline_weights(self) -> str | None:
-        """Source of the weights of a baseline's trunk."""
-        return next(filter(None, map(self.weights_of, self.model.senses)), None)
+            sources = {name: self.weights.get(trunk_name(self.model, name)) for name in senses}
+        else:
+            single = [name for name in senses if name == "visual" or len(senses) == 1]
+            sources = dict.fromkeys(single, self.weights)
+        return {name: source for name, source in sources.items() if source is not None}
 
 
 def trunk_name(model: ModelConfig, sense: str) -> str:

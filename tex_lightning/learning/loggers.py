@@ -1,6 +1,6 @@
 """Metrics and hyper-parameters for all configured loggers."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +13,9 @@ HPARAM_TYPES = (bool, int, float, str)
 
 Nodes = Mapping[str, Mapping[str, Any] | None]  # of the configuration, by the logger's name
 
-_OPEN: dict[tuple[Path, str], list[Logger]] = {}  # of networks that are not tested yet
-
 
 def open_loggers(nodes: Nodes, directory: Path, name: str) -> list[Logger]:
-    """Return the configured loggers of one network, the same for its training and its test.
+    """Make the configured loggers of one network, for its training and its test.
 
     Args:
         nodes: ``logger`` of the configuration. Where a class takes them, it gets the run folder as
@@ -28,13 +26,11 @@ def open_loggers(nodes: Nodes, directory: Path, name: str) -> list[Logger]:
     Raises:
         UserError: If one cannot be made.
     """
-    if (directory, name) not in _OPEN:
-        _OPEN[directory, name] = [
-            _make(f"logger.{title}", node, directory, name)
-            for title, node in nodes.items()
-            if node is not None  # which leaves one out
-        ]
-    return _OPEN[directory, name]
+    return [
+        _make(f"logger.{title}", node, directory, name)
+        for title, node in nodes.items()
+        if node is not None  # which leaves one out
+    ]
 
 
 def _make(where: str, node: Mapping[str, Any], directory: Path, name: str) -> Logger:
@@ -48,17 +44,12 @@ def _make(where: str, node: Mapping[str, Any], directory: Path, name: str) -> Lo
 
 
 def log_test(
-    nodes: Nodes,
-    directory: Path,
-    name: str,
-    config: dict[str, Any],
-    result: dict[str, Any],
+    loggers: Sequence[Logger], name: str, config: dict[str, Any], result: dict[str, Any]
 ) -> None:
     """Add the metrics of the test and the hyper-parameters that led to them.
 
     Args:
-        nodes: ``logger`` of the configuration.
-        directory: The run folder.
+        loggers: Those of the network.
         name: Name of the network: its sense, or ``fusion``.
         config: The whole configuration as plain values, or what of it was read.
         result: The network's entry of ``results.json``.
@@ -70,16 +61,14 @@ def log_test(
         "test/fit_seconds": result["fit_seconds"],
         **{f"test/{key}": value for key, value in result["calibration"].items()},
     }
-    loggers = open_loggers(nodes, directory, name)
+    parameters = _hyper_parameters(config, name)
     for logger in loggers:
-        parameters = _hyper_parameters(config, name)
         if isinstance(logger, TensorBoardLogger):
             logger.log_hyperparams(parameters, metrics)  # side by side in its HPARAMS
         else:
             logger.log_hyperparams(parameters)
             logger.log_metrics(metrics)
         logger.finalize("success")
-    del _OPEN[directory, name]
 
 
 def _hyper_parameters(config: dict[str, Any], name: str) -> dict[str, Any]:

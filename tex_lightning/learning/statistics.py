@@ -14,8 +14,7 @@ from torch import Tensor
 from tex_lightning.classifier.card import NOVELTIES
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
-from tex_lightning.config import Config
-from tex_lightning.core.devices import pick_device
+from tex_lightning.config import DecisionConfig, EngineConfig
 from tex_lightning.core.groups import leave_out
 from tex_lightning.core.progress import track
 from tex_lightning.data.folds import Sample, Split, make_samples
@@ -94,11 +93,13 @@ def position_features(
 
 
 def complete_card(
-    config: Config,
     classifier: SurfaceClassifier,
     left_out: Mapping[str, Sequence[float]],
     parts: Split,
     store: Store,
+    decision: DecisionConfig,
+    engine: EngineConfig,
+    device: torch.device,
 ) -> None:
     """Complete the card of a trained network by what is set on the validation fold.
 
@@ -109,18 +110,18 @@ def complete_card(
     their 95 % (docs/calibration.md).
 
     Args:
-        config: How it is decided.
         classifier: Trained, on the CPU, where it is left.
         left_out: By sense novelties of training recordings, see :class:`.Trained`.
         parts: Recordings by part.
         store: Decoded files.
+        decision: How it decides.
+        engine: How it runs.
+        device: Where it runs.
     """
-    classifier.to(pick_device(config.trainer.accelerator))
+    classifier.to(device)
     samples = make_samples(parts.val, classifier.card.modalities)
     fitted = any(left_out.values()) and fits_probabilities(classifier)
-    card = calibrated_card(
-        classifier, samples, store, config.decision, config.engine, fitted=fitted
-    )
+    card = calibrated_card(classifier, samples, store, decision, engine, fitted=fitted)
     if classifier.statistics and not card.novelties:
         rows = [*_left_out(left_out, classifier, parts), *_validated(classifier, samples, store)]
         if rows:

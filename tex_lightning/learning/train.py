@@ -5,7 +5,7 @@ import json
 import logging
 import shutil
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
@@ -15,11 +15,12 @@ import numpy as np
 import torch
 from lightning import Callback, Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
+from lightning.pytorch.loggers import Logger
 from lightning.pytorch.trainer.states import TrainerStatus
 
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import Trained, read_trained
-from tex_lightning.config import Config
+from tex_lightning.config import Config, ModelConfig
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import write_bytes
 from tex_lightning.core.progress import hidden
@@ -31,7 +32,12 @@ from tex_lightning.errors import UserError
 from tex_lightning.learning.module import SurfaceModule, start_fusion
 from tex_lightning.learning.start import start_network
 from tex_lightning.learning.statistics import complete_card, keep_statistics
-from tex_lightning.learning.trainer import ProgressBar, make_trainer, quiet_lightning
+from tex_lightning.learning.trainer import (
+    ProgressBar,
+    build_callbacks,
+    make_trainer,
+    quiet_lightning,
+)
 
 log = logging.getLogger(__name__)
 ONE_VALUE = "Expected more than 1 value per channel"  # PyTorch's words of batch normalisation
@@ -49,6 +55,7 @@ def train_network(
     store: Store,
     directory: Path,
     unimodal: Mapping[str, Trained],
+    loggers: Sequence[Logger] = (),
     *watchers: Callback,
 ) -> Trained:
     """Train, calibrate and write the checkpoint, unless it is there already.
@@ -60,6 +67,7 @@ def train_network(
         store: Decoded files.
         directory: The run folder.
         unimodal: By sense the networks that FusionNet starts from; empty for the others.
+        loggers: Loggers of this network.
         watchers: Callbacks beside the configured ones.
 
     Raises:
@@ -73,23 +81,32 @@ def train_network(
         shutil.rmtree(working, ignore_errors=True)  # if it was killed before it did so
         return read_trained(final, card.kind)
     begin, last = time.perf_counter(), working / "last.ckpt"
-    module, batches = _prepare(config, card, parts, store, unimodal)
-    resumed = _check_resumable(last)
+    device = pick_device(config.trainer.accelerator)
+    torch.manual_seed(config.seed)
+    module = make_module(config.model, card, config.seed)
+    batches = _make_batches(config.model, module, parts, store, unimodal, device)
+    resumed, fit = _check_resumable(last), module.fit_config
     if not resumed:
         groups = [row.group_key for row in parts.train.of(card.modalities[0]).rows]
-        device = pick_device(config.trainer.accelerator)
-        start_network(module, batches, groups, config.start_of(card.kind), device)
+        start_network(module, batches, groups, config.sources.get(card.kind), device)
     validation = SampleSet(make_samples(parts.val, card.modalities), store, card.classes)
-    steps = module.fit_config["steps_per_epoch"]
-    data = SurfaceData(batches, steps, validation, config.data.num_workers)
-    preparation, validated = time.perf_counter() - begin, bool(data.validation)
+    data = SurfaceData(batches, fit["steps_per_epoch"], validation, config.data.num_workers)
+    preparation = time.perf_counter() - begin
+    callbacks = [*watchers, *build_callbacks(config.callbacks, config.trainer.flags)]
     with quiet_lightning():
-        trainer, timer, keeper = make_trainer(config, card.kind, directory, validated, watchers)
+        trainer, timer, keeper = make_trainer(
+            config.trainer, callbacks, loggers, fit, working, validated=bool(validation)
+        )
         _fit(trainer, module, data, last if resumed else None)
         _take_best(module, keeper)
         module.fit_seconds = preparation + timer.time_elapsed("train")
         if trainer.is_global_zero:
-            _complete(config, module, parts, store, unimodal)
+            _keep_statistics(module, parts, store, unimodal, device)
+            classifier = module.classifier
+            complete_card(
+                classifier, module.left_out, parts, store, config.decision, config.engine, device
+            )
+            module.hparams["card"] = classifier.card.to_dict()
         trainer.save_checkpoint(final, weights_only=True)
         if trainer.is_global_zero:  # what a resumption would need goes
             shutil.rmtree(working, ignore_errors=True)
@@ -97,26 +114,36 @@ def train_network(
     return Trained(module.classifier, final, seconds, loss, module.left_out)
 
 
-def _prepare(
-    config: Config, card: Card, parts: Split, store: Store, unimodal: Mapping[str, Trained]
-) -> tuple[SurfaceModule, TrainingBatches]:
-    """Make the module, and the batches that are cut from the recordings of every sense."""
-    torch.manual_seed(config.seed)
-    fit, seed = config.model.fit_values(card.kind), config.seed
-    pieces = {name: config.model.sense(name).fit.piece for name in card.sense_names}
-    module = SurfaceModule(card, fit, seed, pieces)
+def make_module(model: ModelConfig, card: Card, seed: int) -> SurfaceModule:
+    """Make the module that trains a network of the model."""
+    pieces = {name: model.sense(name).fit.piece for name in card.sense_names}
+    return SurfaceModule(card, model.fit_values(card.kind), seed, pieces)
+
+
+def _make_batches(
+    model: ModelConfig,
+    module: SurfaceModule,
+    parts: Split,
+    store: Store,
+    unimodal: Mapping[str, Trained],
+    device: torch.device,
+) -> TrainingBatches:
+    """Make the batches that are cut from the recordings of every sense.
+
+    A FusionNet gets the weights of its networks before, whose features have learnt already.
+    """
     if unimodal:
         starts = {name: start.classifier for name, start in unimodal.items()}
-        start_fusion(module, starts, config.model.fusion.head_start)
-    device, banks = pick_device(config.trainer.accelerator), {}
-    for name, sense in module.classifier.senses.items():
+        start_fusion(module, starts, model.fusion.head_start)
+    fit, seed, classifier, banks = module.fit_config, module.seed, module.classifier, {}
+    for name, sense in classifier.senses.items():
         sense.features.to(device)
         rows = parts.train.of(sense.modality).rows
-        labels = np.array(class_indices([row.label for row in rows], card.classes))
-        recipe, size = {**config.model.fit_values(name), **fit}, module.pieces[name]
+        labels = np.array(class_indices([row.label for row in rows], classifier.card.classes))
+        recipe, size = {**model.fit_values(name), **fit}, module.pieces[name]
         bank = sense.bank(rows, store, recipe, size=size, seed=seed, learn=not unimodal)
         banks[name] = bank, labels
-    return module, TrainingBatches(banks, fit["batch_size"], seed)
+    return TrainingBatches(banks, fit["batch_size"], seed)
 
 
 def _check_resumable(last: Path) -> bool:
@@ -179,16 +206,16 @@ def _is_finite(module: SurfaceModule) -> bool:
     return all(bool(each.isfinite().all()) for each in module.state_dict().values())
 
 
-def _complete(
-    config: Config,
+def _keep_statistics(
     module: SurfaceModule,
     parts: Split,
     store: Store,
     unimodal: Mapping[str, Trained],
+    device: torch.device,
 ) -> None:
-    """Add statistics of the features and what is set on the validation fold."""
+    """Add statistics of the features; the time that they take counts for the training."""
     begin, classifier = time.perf_counter(), module.classifier
-    classifier.to(pick_device(config.trainer.accelerator))
+    classifier.to(device)
     left_out = keep_statistics(classifier, parts.train, store)
     if module.fit_config["epochs"] == 0 and all(start.left_out for start in unimodal.values()):
         module.left_out = left_out  # no layer before the scores was fitted to the labels
@@ -196,8 +223,6 @@ def _complete(
     module.fit_seconds += time.perf_counter() - begin
     for part in classifier.trained_modules():
         part.to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]  # no stub
-    complete_card(config, classifier, module.left_out, parts, store)
-    module.hparams["card"] = classifier.card.to_dict()
 
 
 def train_once(
@@ -207,6 +232,7 @@ def train_once(
     store: Store,
     directory: Path,
     unimodal: Mapping[str, Trained],
+    loggers: Sequence[Logger],
     folder: Path,
 ) -> Trained:
     """Train in a folder of the family unless it was trained there, and copy the checkpoint.
@@ -221,7 +247,7 @@ def train_once(
             "card": card.to_dict(),
             "fit": config.model.fit_values(card.kind),
             "seed": config.seed,
-            "weights": config.start_of(card.kind),
+            "weights": config.sources.get(card.kind),
             "trainer": config.trainer.flags,
         }
         if unimodal:
@@ -230,6 +256,6 @@ def train_once(
             recipe["starts"] = [hashlib.sha256(start).hexdigest() for start in starts]
         digest = hashlib.sha256(json.dumps(recipe, sort_keys=True).encode()).hexdigest()[:16]
         home = folder / f"{card.kind}-{digest}"
-        trained = train_network(config, card, parts, store, home, unimodal)
+        trained = train_network(config, card, parts, store, home, unimodal, loggers)
         write_bytes(final, trained.checkpoint.read_bytes())
     return read_trained(final)

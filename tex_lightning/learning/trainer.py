@@ -2,7 +2,7 @@
 
 import logging
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, ClassVar
@@ -12,17 +12,15 @@ from lightning import Callback, LightningModule, Trainer
 from lightning.fabric.plugins import TorchCheckpointIO
 from lightning.pytorch.callbacks import ModelCheckpoint, Timer
 from lightning.pytorch.callbacks import ProgressBar as LightningProgressBar
-from torch import nn
+from lightning.pytorch.loggers import Logger
 
-from tex_lightning.config import Config
+from tex_lightning.config import TrainerConfig
 from tex_lightning.config.instantiation import build, build_derived
 from tex_lightning.core.console import DEBUG, Screen
-from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import write_atomically
 from tex_lightning.core.progress import Stage
 from tex_lightning.errors import UserError, reason
-from tex_lightning.learning.loggers import open_loggers
-from tex_lightning.learning.module import REFRESH, make_optimizer
+from tex_lightning.learning.module import REFRESH
 
 UNHELPFUL = (
     ".*does not have many workers.*",  # data is decoded already; workers rarely pay
@@ -134,92 +132,68 @@ def quiet_lightning() -> Iterator[None]:
 
 
 def make_trainer(
-    config: Config, kind: str, directory: Path, validated: bool, watchers: Sequence[Callback]
+    settings: TrainerConfig,
+    callbacks: Sequence[Callback],
+    loggers: Sequence[Logger],
+    fit: Mapping[str, Any],
+    working: Path,
+    *,
+    validated: bool,
 ) -> tuple[Trainer, Timer, ModelCheckpoint | None]:
     """Make the trainer, with its clock and, where it validates, the keeper of the best weights.
 
     Args:
-        config: How the networks of the model are trained.
-        kind: Name of the network.
-        directory: The run folder.
+        settings: Flags of Lightning's Trainer, which count before those of this package.
+        callbacks: Further callbacks.
+        loggers: Loggers of the network.
+        fit: The training recipe of the network.
+        working: Folder of the checkpoints of its epochs, in that of the run's checkpoints.
         validated: Whether there are samples to validate on.
-        watchers: Callbacks beside the configured ones.
 
     Raises:
-        UserError: If a flag, a callback or a logger cannot be used.
+        UserError: If a flag cannot be used.
     """
-    fit, working = config.model.fit_values(kind), directory / "checkpoints" / kind
     timer, keeper = Timer(), _keep(working, "best", "val/loss") if validated else None
     # not Lightning's save_last, which leaves out the epochs that are not the best; the last file
     # holds the state of the keeper, which therefore comes first
     keepers = [*([keeper] if keeper else []), _keep(working, "last", None)]
-    callbacks = [
-        timer,
-        *keepers,
-        *watchers,
-        *_build_callbacks(config.callbacks, config.trainer.flags),
-    ]
     flags = {
         "log_every_n_steps": min(10, fit["steps_per_epoch"]),
         "limit_val_batches": 1.0 if validated else 0,
         "num_sanity_val_steps": 0,
         "enable_model_summary": False,
-        "sync_batchnorm": pick_device(config.trainer.accelerator).type == "cuda",
-        **config.trainer.flags,
+        "sync_batchnorm": settings.accelerator != "cpu" and torch.cuda.is_available(),
+        **settings.flags,
     }
-    trainer = _lightning_trainer(
-        flags,
-        plugins=[CheckpointFiles()],
-        max_epochs=fit["epochs"],
-        callbacks=callbacks,
-        logger=open_loggers(config.logger, directory, kind),
-        use_distributed_sampler=False,  # every process knows its share of a batch
-        default_root_dir=directory,
-    )
-    return trainer, timer, keeper
-
-
-def try_parts_of_training(config: Config, directory: Path) -> None:
-    """Make what the trainings of a model will make, so that wrong arguments are refused before.
-
-    Args:
-        config: How the networks are trained.
-        directory: The run folder.
-
-    Raises:
-        UserError: Naming the key of what cannot be made.
-    """
-    model = config.model
-    open_loggers(config.logger, directory, model.kind)
-    if model.baseline is not None:
-        return
-    callbacks = _build_callbacks(config.callbacks, config.trainer.flags)
-    if any(model.fit_values(kind)["epochs"] for kind in model.trained):
-        with quiet_lightning():
-            _lightning_trainer(config.trainer.flags, callbacks=[ModelCheckpoint(), *callbacks])
-    for kind in model.trained:
-        fit = model.fit_values(kind)
-        if fit["epochs"]:
-            weights = [nn.Parameter(torch.zeros(2, 2)) for _ in range(2)]
-            make_optimizer(f"model.{kind}.fit", fit, weights[:1], weights[1:])
-
-
-def _build_callbacks(nodes: dict[str, Any], flags: dict[str, Any]) -> list[Callback]:
-    callbacks = [build_derived(f"callbacks.{name}", node, Callback) for name, node in nodes.items()]
-    if flags.get("enable_progress_bar", True):
-        return callbacks
-    return [each for each in callbacks if not isinstance(each, LightningProgressBar)]
-
-
-def _lightning_trainer(flags: dict[str, Any], **own: Any) -> Trainer:  # noqa: ANN401
     if isinstance(flags["strategy"], dict):
-        flags = {**flags, "strategy": build("trainer.strategy", flags["strategy"])}
+        flags["strategy"] = build("trainer.strategy", flags["strategy"])
     try:
-        return Trainer(**flags, **own)
+        trainer = Trainer(
+            **flags,
+            plugins=[CheckpointFiles()],
+            max_epochs=fit["epochs"],
+            callbacks=[timer, *keepers, *callbacks],
+            logger=[*loggers],
+            use_distributed_sampler=False,  # every process knows its share of a batch
+            default_root_dir=working.parents[1],
+        )
     except Exception as error:  # Lightning checks some of its flags, and others by using them
         raise UserError(
             f"Lightning's Trainer refuses what trainer says: {reason(error)}; correct that flag."
         ) from error
+    return trainer, timer, keeper
+
+
+def build_callbacks(nodes: Mapping[str, Any], flags: Mapping[str, Any]) -> list[Callback]:
+    """Build the configured callbacks; without progress bars where flags leave them out.
+
+    Raises:
+        UserError: If one cannot be made.
+    """
+    callbacks = [build_derived(f"callbacks.{name}", node, Callback) for name, node in nodes.items()]
+    if flags.get("enable_progress_bar", True):
+        return callbacks
+    return [each for each in callbacks if not isinstance(each, LightningProgressBar)]
 
 
 def _keep(working: Path, name: str, monitor: str | None) -> ModelCheckpoint:

@@ -1,32 +1,118 @@
-"""The contract check of every class that a user brings to a training, run once before work."""
+"""Checks of what a training makes, before work: settings, weights and every class of a user's."""
 
 import io
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from tex_lightning.baselines.classifier import BaselineClassifier, FittedBaseline, as_part
+from tex_lightning.baselines.classifier import (
+    BaselineClassifier,
+    FittedBaseline,
+    as_part,
+    make_baseline,
+)
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.config import Config, ModelConfig
 from tex_lightning.config.instantiation import OWN
+from tex_lightning.config.model import FUSION
 from tex_lightning.core.contract import Part, breach, calling, describe
 from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.data.recordings import Recording, Recordings, class_indices
 from tex_lightning.data.store import Store
+from tex_lightning.errors import UserError
+from tex_lightning.learning.loggers import open_loggers
 from tex_lightning.learning.module import SurfaceModule
-from tex_lightning.learning.start import fit_closed_form
-from tex_lightning.networks.blocks import score_layer_of
+from tex_lightning.learning.start import fit_closed_form, start_trunk
+from tex_lightning.learning.train import make_module
+from tex_lightning.learning.trainer import build_callbacks, make_trainer, quiet_lightning
+from tex_lightning.networks.blocks import is_builtin, score_layer_of
 from tex_lightning.senses.base import Sense, as_tensor
 
 log = logging.getLogger(__name__)
 
 FITTED = 4  # recordings of a class on which a fit in closed form is tried
 BATCH = 2
+
+
+def try_training(config: Config, card: Card, directory: Path) -> list[Sense]:
+    """Make what the training of a model will make, so that what does not fit is refused before.
+
+    Args:
+        config: How its networks are trained.
+        card: Card of the model, for any classes.
+        directory: The run folder.
+
+    Returns:
+        The senses of the model, with weights of no meaning.
+
+    Raises:
+        UserError: Naming the key that does not fit.
+    """
+    model, sources = config.model, config.sources
+    loggers = open_loggers(config.logger, directory, card.kind)
+    if model.baseline is not None:
+        baseline = make_baseline(model.name, model.baseline, model.budget)
+        for source in sources.values():
+            baseline.load_weights(source)
+        return [*BaselineClassifier(card).senses.values()]
+    callbacks, fit = build_callbacks(config.callbacks, config.trainer.flags), model.fit_values
+    with quiet_lightning():
+        make_trainer(
+            config.trainer, callbacks, loggers, fit(card.kind), directory / "checkpoints" / "none",
+            validated=True,
+        )  # fmt: skip
+    senses = [_try_sense(model, card.of([name]), sources.get(name)) for name in card.sense_names]
+    if card.kind == FUSION:
+        make_module(model, card, config.seed).configure_optimizers()
+    return senses
+
+
+def _try_sense(model: ModelConfig, card: Card, source: str | None) -> Sense:
+    """Make one sense as it will be trained, or load it from the checkpoint that is given."""
+    name = card.kind
+    if name in model.checkpoints:
+        return SurfaceClassifier.from_checkpoint(model.checkpoints[name], name).senses[name]
+    module = make_module(model, card, 0)
+    module.configure_optimizers()
+    if source is not None:
+        start_trunk(module.classifier, source)
+    sense, fit = module.classifier.eval().senses[name], model.sense(name).fit
+    least = sense.known_min_size if is_builtin(sense.features) else None
+    if least is not None and fit.piece < least[1]:
+        raise UserError(
+            f"model.{name}.fit.{fit.piece_key} is {fit.piece}, and this network needs {least[1]} "
+            f"for a prediction; choose {least[1]} or more."
+        )
+    return sense
+
+
+def try_custom_parts(
+    model: ModelConfig, card: Card, senses: Sequence[Sense], recordings: Recordings, store: Store
+) -> None:
+    """Try the senses that have parts of a user's own as they will be trained.
+
+    Args:
+        model: How they are trained.
+        card: Card of the model, for the classes of the data.
+        senses: Its senses.
+        recordings: Decoded ones.
+        store: Holds them.
+
+    Raises:
+        UserError: If a part does not keep its contract.
+    """
+    for sense in senses if model.baseline is None else ():
+        fit, name = model.fit_values(sense.name), sense.name
+        builtin = sense.is_builtin and fit.get("augmentation") is None
+        if not builtin and name not in model.checkpoints:
+            try_branch(card.of([name]), fit, model.sense(name).fit.piece, recordings, store)
 
 
 def try_branch(

@@ -18,7 +18,7 @@ from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError, listed
 from tex_lightning.learning.enrolment import Fragments, add_classes, check_extensible
 from tex_lightning.learning.statistics import position_features
-from tex_lightning.studies.dataset import Dataset, find_unusable, open_store
+from tex_lightning.studies.dataset import Dataset, open_store
 from tex_lightning.studies.leaks import digests
 
 VALIDATED = ("confidence_threshold", "disagreement")  # of a calibration, for the old classes alone
@@ -57,17 +57,16 @@ def open_new_classes(config: Config, classifier: SurfaceClassifier) -> Dataset:
     elif data.per_class is not None:
         chosen = next_of_each(rows.rows, data.per_class, 0, data.folds)
         rows = replace(rows, rows=tuple(chosen))
-    store, senses = open_store(config.data, classifier), classifier.senses.values()
-    skipped = find_unusable(rows, store, senses, store.fill(rows), skip_bad=data.skip_bad)
-    usable = rows.without(unusable.recording for unusable in skipped)
+    opened = Dataset.decode(rows, Recordings(()), open_store(data, classifier), names)
+    dataset = opened.usable(classifier.senses.values(), skip_bad=data.skip_bad)
     for modality in card.modalities:
-        if absent := sorted(set(names) - {row.label for row in usable.of(modality)}):
+        if absent := sorted(set(names) - {row.label for row in dataset.recordings.of(modality)}):
             raise UserError(
                 f"There are no {plural(modality)} of {listed(absent)} to learn from, and this "
                 f"{card.kind} network looks at {' and '.join(card.modalities)}; record them, or "
                 "add the class to a network that does without."
             )
-    return Dataset(config, names, usable, Recordings(()), store, tuple(skipped))
+    return dataset
 
 
 def enroll(classifier: SurfaceClassifier, rows: Recordings, store: Store) -> SurfaceClassifier:

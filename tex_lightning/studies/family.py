@@ -32,8 +32,8 @@ from tex_lightning.evaluation.comparison import partner
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes, write_results
 from tex_lightning.evaluation.samples import run_test
 from tex_lightning.inference.early_stopping import SEQUENTIAL, make_inference_model
-from tex_lightning.studies.dataset import Dataset, open_dataset, open_store, show_opening
-from tex_lightning.studies.fold import fit_fold
+from tex_lightning.studies.dataset import Dataset, open_store, show_opening
+from tex_lightning.studies.fold import fit_fold, open_training
 from tex_lightning.studies.timing import interleaved, waiting
 
 DONE = "measured.json"
@@ -173,11 +173,12 @@ def measure_family(systems: Sequence[System], folds: Sequence[int], directory: P
                 if (home / DONE).is_file():
                     continue
                 log.info("%s, trained without folds %d and %d.", system.name, *pair)
-                dataset = dataset or open_dataset(system.config, home)
+                dataset = dataset or open_training(system.config, home)
                 if not shown.issuperset(dataset.store.decoders):  # each modality once
                     shown |= {*dataset.store.decoders}
-                    show_opening(system.config, dataset, f"{len(systems)} systems: {names}")
-                _measure_pair(dataset, pair, home, directory.parent / NETWORKS)
+                    what = f"{len(systems)} systems: {names}"
+                    show_opening(system.config.data, dataset, what)
+                _measure_pair(system.config, dataset, pair, home, directory.parent / NETWORKS)
             _read(system, pairs, directory / system.name)
 
 
@@ -199,11 +200,15 @@ def _predictions(home: Path, kind: str, *, second: bool) -> Path:
     return home / "predictions" / f"{kind}{'_partner' if second else ''}.csv"
 
 
-def _measure_pair(dataset: Dataset, pair: Pair, home: Path, networks_in: Path) -> None:
-    rows, config = dataset.recordings, dataset.config
+def _measure_pair(
+    config: Config, dataset: Dataset, pair: Pair, home: Path, networks_in: Path
+) -> None:
+    rows = dataset.recordings
     apart = Recordings(tuple(row for row in rows if row.fold == pair[1]))
-    on_fold = replace(dataset, recordings=rows.without(apart)).on_fold(pair[0])
-    networks = fit_fold(on_fold, home, test_parts=False, networks_in=networks_in)
+    others = replace(dataset, recordings=rows.without(apart))
+    networks = fit_fold(
+        config.on_fold(pair[0]), others, home, test_parts=False, networks_in=networks_in
+    )
     kind = config.model.kind
     trained = load_classifier(networks[kind]["checkpoint"])
     classifier = make_inference_model(trained, config.engine, config.decision)

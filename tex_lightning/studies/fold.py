@@ -3,64 +3,65 @@
 import inspect
 import logging
 import time
-from functools import partial
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from lightning.pytorch.loggers import Logger
 
 from tex_lightning.baselines.classifier import BaselineClassifier, Loaded, as_part, load_trained
-from tex_lightning.classifier.card import Card
-from tex_lightning.classifier.classifier import Trained
-from tex_lightning.config import Config, plain_values
+from tex_lightning.classifier.card import LABEL, Card, configured_card
+from tex_lightning.classifier.classifier import Trained, read_trained
+from tex_lightning.config import Config, DataConfig, plain_values
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.console import log_once
 from tex_lightning.core.contract import calling
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.progress import track
 from tex_lightning.core.ranks import is_rank_zero
-from tex_lightning.data.folds import Split, make_samples
-from tex_lightning.data.recordings import class_indices
-from tex_lightning.data.store import load_recording
+from tex_lightning.data.folds import Split, make_samples, split
+from tex_lightning.data.quality import training_ranges
+from tex_lightning.data.recordings import Recordings, class_indices
+from tex_lightning.data.store import Store, load_recording
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.calibration import calibrated_card
 from tex_lightning.evaluation.outcomes import RANDOM
-from tex_lightning.learning.loggers import log_test
-from tex_lightning.learning.start import name_source
+from tex_lightning.inference.prediction import taken
+from tex_lightning.learning.loggers import log_test, open_loggers
+from tex_lightning.learning.start import name_source, starting_classifier
 from tex_lightning.learning.train import checkpoint_of, train_network, train_once
-from tex_lightning.learning.trial import try_baseline
-from tex_lightning.studies.dataset import (
-    Dataset,
-    given_start,
-    make_card,
-    open_dataset,
-    show_opening,
-)
+from tex_lightning.learning.trial import try_baseline, try_custom_parts, try_training
+from tex_lightning.studies.dataset import Dataset, open_dataset, show_opening
 from tex_lightning.studies.evaluate_checkpoint import (
     draw_figures,
     draw_worst,
     report_network,
     results_frame,
 )
+from tex_lightning.studies.leaks import refuse_leak, trained_on
 
 log = logging.getLogger(__name__)
 
 
-def fit_baseline(dataset: Dataset, card: Card, parts: Split, directory: Path) -> Trained:
+def fit_baseline(
+    config: Config, card: Card, parts: Split, store: Store, directory: Path
+) -> Trained:
     """Fit, calibrate and write the checkpoint, unless it is there already.
 
     Args:
-        dataset: On its fold.
+        config: How it is fitted and decides.
         card: Card of the baseline.
         parts: Recordings by part.
+        store: Decoded files.
         directory: The run folder.
 
     Raises:
         UserError: If a recording is too short, weights do not fit, or a user's class does not
             keep its contract.
     """
-    config, store = dataset.config, dataset.store
-    final, weights = checkpoint_of(directory, card.kind), config.baseline_weights
+    final, weights = checkpoint_of(directory, card.kind), card.baseline["weights"]
     if final.is_file():
         log.info("%s is fitted already.", final)
         return load_trained(final)
@@ -85,11 +86,31 @@ def fit_baseline(dataset: Dataset, card: Card, parts: Split, directory: Path) ->
     return Trained(classifier, final, seconds)
 
 
+def open_training(config: Config, directory: Path) -> Dataset:
+    """Open the data set of a training, once what it will make is made for a trial.
+
+    Args:
+        config: Where recordings come from, and the networks to train on them.
+        directory: The run folder.
+
+    Raises:
+        UserError: If the data or the networks cannot be used.
+    """
+    card = configured_card(config, ["one", "other"])
+    senses = try_training(config, card, directory)
+    dataset = open_dataset(config.data, senses)
+    if config.decision.unknown and LABEL in dataset.classes:
+        raise taken("The data has")
+    card = replace(card, classes=dataset.classes)
+    try_custom_parts(config.model, card, senses, dataset.recordings, dataset.store)
+    return dataset.usable(senses, skip_bad=config.data.skip_bad)
+
+
 def open_announced(config: Config, directory: Path) -> Dataset:
     """Open the data set of a training, and show it."""
-    dataset, model = open_dataset(config, directory), config.model
+    dataset, model = open_training(config, directory), config.model
     parts = "" if model.baseline or model.kind != FUSION else f": {', '.join(model.trained)}"
-    show_opening(config, dataset, f"{model.name}{parts}")
+    show_opening(config.data, dataset, f"{model.name}{parts}")
     return dataset
 
 
@@ -105,21 +126,18 @@ def chosen_folds(count: int, only: list[int] | None) -> list[int]:
     return sorted(set(chosen))
 
 
-def training_results(dataset: Dataset, networks: dict[str, Any], seconds: float) -> dict[str, Any]:
+def training_results(
+    config: Config, dataset: Dataset, networks: dict[str, Any], seconds: float
+) -> dict[str, Any]:
     """``results.json`` of a training, with the source of each network's or trunk's weights."""
-    config = dataset.config
-    given = {
-        name: config.model.checkpoints.get(name) or config.weights_of(name)
-        for name in config.model.senses
-    }
-    weights = {name: RANDOM if path is None else name_source(path) for name, path in given.items()}
-    frame = results_frame(
-        config, config.model.name, dataset.classes, dataset.skipped, networks, seconds
-    )
+    model, begun = config.model, {**config.sources, **config.model.checkpoints}
+    weights = {name: name_source(begun[name]) if name in begun else RANDOM for name in model.senses}
+    frame = results_frame(config, model.name, dataset.classes, dataset.skipped, networks, seconds)
     return {**frame, "weights": weights}
 
 
 def fit_fold(
+    config: Config,
     dataset: Dataset,
     directory: Path,
     *,
@@ -130,7 +148,8 @@ def fit_fold(
     """Train and test all networks that the model consists of on one fold.
 
     Args:
-        dataset: On its fold.
+        config: The model, and the fold.
+        dataset: What it is trained and tested on.
         directory: Holds checkpoints and predictions.
         draw: Whether figures are drawn; of several folds they are drawn of all together.
         test_parts: Whether the networks that a FusionNet consists of are tested, too.
@@ -139,21 +158,22 @@ def fit_fold(
     Returns:
         By network its entry of ``results.json``.
     """
-    parts, model = dataset.parts(), dataset.config.model
-    unimodal: dict[str, Trained] = {}
+    parts, model, store = dataset.parts(config.data), config.model, dataset.store
     networks: dict[str, Any] = {}
-    if model.kind == FUSION:  # before time is spent on the other networks
-        given = model.checkpoints.items()
-        unimodal = {name: given_start(dataset, name, Path(path)) for name, path in given}
-    test = partial(_test_network, dataset, parts, directory, draw=draw)
+    whole_card = configured_card(config, dataset.classes)
+    unimodal = {  # before time is spent on the other networks
+        name: given_start(Path(path), whole_card.of([name]), parts.test, config.data)
+        for name, path in model.checkpoints.items()
+    }
     for name in track(model.trained, str):
         whole = name == model.kind
-        senses = model.senses if whole else [name]
-        starts = {sense: unimodal[sense] for sense in senses if whole and sense in unimodal}
-        card = make_card(dataset, senses, starts)
-        inputs = dataset.config, card, parts, dataset.store, directory, starts
+        card = whole_card if whole else whole_card.of([name])
+        starts = {sense: unimodal[sense] for sense in model.senses if whole and sense in unimodal}
+        card = complete_recipe(config, card, parts, store, starts)
+        loggers = open_loggers(config.logger, directory, name)
+        inputs = config, card, parts, store, directory, starts, loggers
         if card.baseline:
-            trained = fit_baseline(dataset, card, parts, directory)
+            trained = fit_baseline(*inputs[:5])
         elif networks_in is not None:
             trained = train_once(*inputs, networks_in)
         else:
@@ -165,24 +185,92 @@ def fit_fold(
             "fit_seconds": trained.fit_seconds,
         }
         if is_rank_zero() and (whole or test_parts):  # it alone tests and writes
-            networks[name] = test(trained)
+            networks[name] = _test_network(
+                config, dataset, parts.test, directory, trained, loggers, draw=draw
+            )
     return networks
 
 
+def given_start(path: Path, card: Card, test: Recordings, data: DataConfig) -> Trained:
+    """Read a unimodal checkpoint, if FusionNet may start from it.
+
+    Args:
+        path: The checkpoint.
+        card: Card of such a network as this run would train it.
+        test: The test recordings.
+        data: How this run was told what to test.
+
+    Raises:
+        UserError: If it is no such network, classes or decoding differ, or it has seen the fold
+            that this run tests.
+    """
+    start = read_trained(path, card.kind)
+    theirs = start.classifier.card
+    if theirs.classes != card.classes:
+        raise UserError(
+            f"Checkpoint {path} knows {len(theirs.classes)} classes that are not the "
+            f"{len(card.classes)} of this data; train it on the same data."
+        )
+    configured = card.senses[card.kind]["decode"]
+    for key, value in theirs.senses[card.kind]["decode"].items():
+        if key != "file_rate" and value != configured.get(key):
+            raise UserError(
+                f"Checkpoint {path} was trained with data.{key}={value}, this run has "
+                f"{configured.get(key)}; make them equal."
+            )
+    refuse_leak(test.of(theirs.modalities[0]), theirs, f"Checkpoint {path}", data)
+    return start
+
+
+def complete_recipe(
+    config: Config, card: Card, parts: Split, store: Store, unimodal: Mapping[str, Trained]
+) -> Card:
+    """Add to the card of a network to train what its data say, and what it starts from.
+
+    Args:
+        config: Names the weights that a trunk starts from, and the fold.
+        card: Card of the network.
+        parts: Recordings by part.
+        store: Decoded files.
+        unimodal: By sense the networks that FusionNet starts from: its branches are theirs.
+
+    Raises:
+        UserError: If its trunk cannot be used or has seen what is to be tested.
+    """
+    rows, starts = parts.train, [start.classifier.card for start in unimodal.values()]
+    ranges = {name: training_ranges(rows.of(name), store) for name in card.modalities}
+    branches = {name: start.classifier.card.senses[name] for name, start in unimodal.items()}
+    card = replace(card, input_ranges=ranges, senses={**card.senses, **branches})
+    source = None if card.baseline or starts else config.sources.get(card.kind)
+    if source is not None and (start := starting_classifier(source, card)) is not None:
+        test = parts.test.of(card.modalities[0])
+        refuse_leak(test, start.card, f"weights: checkpoint {source}", config.data)
+        starts.append(start.card)
+    return replace(card, trained_on=trained_on(card, parts, config.data, starts, source))
+
+
 def _test_network(
-    dataset: Dataset, parts: Split, directory: Path, trained: Trained, *, draw: bool
+    config: Config,
+    dataset: Dataset,
+    test: Recordings,
+    directory: Path,
+    trained: Trained,
+    loggers: Sequence[Logger],
+    *,
+    draw: bool,
 ) -> dict[str, Any]:
-    """Test a trained network; its entry of ``results.json``."""
-    config, classifier = dataset.config, trained.classifier
+    """Test a trained network; return its entry of ``results.json``."""
+    classifier, store = trained.classifier, dataset.store
     classifier.to(pick_device(config.trainer.accelerator))
     kind, modalities = classifier.card.kind, classifier.card.modalities
-    samples, unknown = make_samples(parts.test, modalities), dataset.unknown_samples(modalities)
-    result, outcomes = report_network(trained, samples, dataset.store, directory, config, unknown)
+    samples = make_samples(test, modalities)
+    unknown = make_samples(split(dataset.unknown, config.data).test, modalities)
+    result, outcomes = report_network(trained, samples, store, directory, config, unknown)
     if draw:
         draw_figures(outcomes, dataset.classes, kind, directory)
     if draw and kind == config.model.kind:
-        draw_worst(classifier, samples, outcomes, dataset.store, config, directory)
-    log_test(config.logger, directory, kind, plain_values(config), result)
+        draw_worst(classifier, samples, outcomes, store, config, directory)
+    log_test(loggers, kind, plain_values(config), result)
     log.info(
         "Fold %s, %s: %d of %d votes correct, trained in %.1f s.",
         config.data.test_fold, classifier.card.title, result["correct"], result["test_samples"],

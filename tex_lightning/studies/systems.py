@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from tex_lightning.baselines.classifier import load_classifier
@@ -110,11 +109,10 @@ def _checkpoints(path: Path) -> dict[str, list[TestedCheckpoint]]:
 def _load(config: Config, path: Path, fold: int | None, datasets: Datasets) -> SystemFold:
     """One checkpoint and its test samples, whose recordings join those decoded alike."""
     loaded = load_classifier(path)
-    if fold is not None:
-        config = replace(config, data=replace(config.data, test_fold=fold))
-    dataset = open_test_data(config, loaded, f"Checkpoint {path}")
+    data = config.data if fold is None else config.on_fold(fold).data
+    dataset = open_test_data(data, loaded, f"Checkpoint {path}")
     if not datasets:  # the first one's data are shown
-        show_opening(config, dataset, ", ".join(config.stability.systems or []), trains=False)
+        show_opening(data, dataset, ", ".join(config.stability.systems or []), trains=False)
     samples = make_samples(dataset.recordings, loaded.card.modalities)
     perturbed = {}
     for modality, decoder in dataset.store.decoders.items():

@@ -17,7 +17,7 @@ from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.evaluation.conditions import pool_conditions
 from tex_lightning.evaluation.novelty import pool_unknown
 from tex_lightning.evaluation.outcomes import read_outcomes, write_outcomes, write_results
-from tex_lightning.learning.loggers import log_test
+from tex_lightning.learning.loggers import log_test, open_loggers
 from tex_lightning.report.table import print_results
 from tex_lightning.studies.dataset import Dataset
 from tex_lightning.studies.evaluate_checkpoint import draw_figures, pooled_metrics
@@ -32,17 +32,17 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     chosen = chosen_folds(config.data.folds, config.crossval.only)
     dataset = open_announced(config, job.directory)
     for fold in chosen:  # before time is spent on the first
-        dataset.on_fold(fold).parts()
+        dataset.parts(config.on_fold(fold).data)
     folds: dict[Path, dict[str, Any]] = {}
     for fold in track(chosen, "fold"):
         home = job.directory / "folds" / str(fold)
-        folds[home] = _finished_fold(home) or _run_fold(dataset.on_fold(fold), home)
+        folds[home] = _finished_fold(home) or _run_fold(config.on_fold(fold), dataset, home)
     if not is_rank_zero():
         return {}
     names = next(iter(folds.values()))["networks"]
-    networks = {name: _pool(dataset, job.directory, folds, name) for name in names}
+    networks = {name: _pool(config, dataset, job.directory, folds, name) for name in names}
     seconds = sum(results["wall_seconds"] for results in folds.values())
-    results = training_results(dataset, networks, seconds)
+    results = training_results(config, dataset, networks, seconds)
     write_results(job.directory / "results.json", results)
     print_results(results, job.directory)
     return results
@@ -56,22 +56,22 @@ def _finished_fold(home: Path) -> dict[str, Any] | None:
     return read_record(home / "results.json")
 
 
-def _run_fold(dataset: Dataset, home: Path) -> dict[str, Any]:
+def _run_fold(config: Config, dataset: Dataset, home: Path) -> dict[str, Any]:
     begin = time.perf_counter()
-    networks = fit_fold(dataset, home)
+    networks = fit_fold(config, dataset, home)
     if not is_rank_zero():
         return {}
-    results = training_results(dataset, networks, time.perf_counter() - begin)
+    results = training_results(config, dataset, networks, time.perf_counter() - begin)
     write_results(home / "results.json", results)
     return results
 
 
 def _pool(
-    dataset: Dataset, directory: Path, folds: dict[Path, dict[str, Any]], name: str
+    config: Config, dataset: Dataset, directory: Path, folds: dict[Path, dict[str, Any]], name: str
 ) -> dict[str, Any]:
     """Pool one network over all folds: counts of all, sizes and checkpoint of the first."""
     entries = {home: results["networks"][name] for home, results in folds.items()}
-    config, first = dataset.config, next(iter(entries.values()))
+    first = next(iter(entries.values()))
     by_fold = [read_outcomes(home / "predictions" / f"{name}.csv") for home in folds]
     outcomes = [outcome for fold in by_fold for outcome in fold]
     write_outcomes(outcomes, directory / "predictions" / f"{name}.csv")
@@ -89,5 +89,6 @@ def _pool(
             for home, entry in entries.items()
         ],
     }
-    log_test(config.logger, directory, name, plain_values(config), pooled)
+    loggers = open_loggers(config.logger, directory, name)
+    log_test(loggers, name, plain_values(config), pooled)
     return pooled

@@ -30,7 +30,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
             "this package's networks; train it anew with all recordings."
         )
     dataset = open_new_classes(config, classifier)
-    show_opening(config, dataset, f"{', '.join(dataset.classes)} for {source}")
+    show_opening(config.data, dataset, f"{', '.join(dataset.classes)} for {source}")
     classifier.to(pick_device(config.trainer.accelerator))
     classifier = enroll(classifier, dataset.recordings, dataset.store)
     seconds, card = time.perf_counter() - begin, classifier.card

@@ -11,7 +11,7 @@ from tex_lightning.core.devices import pick_device
 from tex_lightning.data.folds import make_samples
 from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.inference.prediction import check_unknown
-from tex_lightning.learning.loggers import log_test
+from tex_lightning.learning.loggers import log_test, open_loggers
 from tex_lightning.report.table import print_results
 from tex_lightning.studies.dataset import open_test_data, show_opening
 from tex_lightning.studies.evaluate_checkpoint import (
@@ -34,8 +34,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     classifier.to(pick_device(config.trainer.accelerator))
     card = classifier.card
     check_unknown(card.deciding(config.decision), bool(classifier.statistics))
-    dataset = open_test_data(config, classifier, "The checkpoint")
-    show_opening(config, dataset, str(config.checkpoint), trains=False)
+    dataset = open_test_data(config.data, classifier, "The checkpoint")
+    show_opening(config.data, dataset, str(config.checkpoint), trains=False)
     store, samples = dataset.store, make_samples(dataset.recordings, card.modalities)
     unknown = make_samples(dataset.unknown, card.modalities)
     network, outcomes = report_network(trained, samples, store, directory, config, unknown)
@@ -43,7 +43,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     draw_worst(classifier, samples, outcomes, store, config, directory)
     values = plain_values(config)
     tested_on = {name: values[name] for name in ("seed", "data")}
-    log_test(config.logger, directory, card.kind, tested_on, network)
+    loggers = open_loggers(config.logger, directory, card.kind)
+    log_test(loggers, card.kind, tested_on, network)
     networks, seconds = {card.kind: network}, time.perf_counter() - begin
     results = results_frame(config, card.kind, card.classes, dataset.skipped, networks, seconds)
     write_results(directory / "results.json", results)

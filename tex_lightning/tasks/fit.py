@@ -25,10 +25,10 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         print_results(results, directory)
         return results
     dataset = open_announced(config, directory)
-    networks = fit_fold(dataset, directory, draw=True)
+    networks = fit_fold(config, dataset, directory, draw=True)
     if not is_rank_zero():
         return {}
-    results = training_results(dataset, networks, time.perf_counter() - begin)
+    results = training_results(config, dataset, networks, time.perf_counter() - begin)
     write_results(done, results)
     print_results(results, directory)
     return results

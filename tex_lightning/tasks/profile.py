@@ -9,6 +9,7 @@ import torch
 from rich.table import Table
 from torch import Tensor
 
+from tex_lightning.classifier.card import configured_card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
@@ -17,7 +18,6 @@ from tex_lightning.core.progress import track
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import RANDOM, environment, write_results
 from tex_lightning.report.table import make_table, print_tables
-from tex_lightning.studies.dataset import configured_card
 from tex_lightning.studies.profile import only_sense, profile_network, render_recording
 
 WAYS = {
@@ -77,8 +77,8 @@ def _classifiers(config: Config) -> list[SurfaceClassifier]:
         return [whole.with_senses([name]) for name in whole.card.sense_names]
     names = [f"class{number}" for number in range(config.profile.classes)]
     torch.manual_seed(config.seed)
-    cards = [configured_card(config, [sense], names) for sense in config.model.senses]
-    return [SurfaceClassifier(card) for card in cards]
+    card = configured_card(config, names)
+    return [SurfaceClassifier(card.of([sense])) for sense in card.sense_names]
 
 
 def _recording(config: Config, classifier: SurfaceClassifier) -> Tensor:
