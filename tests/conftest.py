@@ -245,7 +245,7 @@ def crossvalidated(run_once, tiny) -> Path:
 
 @pytest.fixture(scope="session")
 def frontier_run(run_once, tiny) -> Path:
-    """A network run in three ways and a baseline, on a fold and its partner."""
+    """A network run in two ways and a baseline, on two folds."""
     only = "hapticnet_w0.5,hapticnet_w0.5_sequential,mfcc_nb"
     folds = ("crossval.only=[0,5]", "data.classes=3")
     return run_once("task=frontier", f"frontier.only=[{only}]", *folds, *tiny)

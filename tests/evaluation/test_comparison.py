@@ -14,7 +14,6 @@ from tex_lightning.evaluation.comparison import (
     one_standard_error,
     pair,
     pareto,
-    partner,
 )
 from tex_lightning.evaluation.outcomes import Outcome
 
@@ -51,15 +50,6 @@ def test_pairing_counts_only_what_differs():
     differences = np.array([1] * 10 + [0] * 50)
     assert differences.mean() > differences.std(ddof=1) / np.sqrt(60)
     assert one_standard_error([best, worse]).name == "best"
-
-
-@pytest.mark.parametrize("folds", [3, 4, 10, 11])
-def test_every_fold_has_another_one_for_a_partner(folds):
-    partners = {fold: partner(fold, folds) for fold in range(folds)}
-    assert sorted(partners.values()) == list(range(folds))
-    assert all(fold != other for fold, other in partners.items())
-    if folds % 2 == 0:
-        assert all(partners[other] == fold for fold, other in partners.items())
 
 
 @given(

@@ -52,17 +52,6 @@ class Candidate:
         return float(np.mean(list(self.correct.values())))
 
 
-def partner(fold: int, folds: int) -> int:
-    """The fold that is left out of training together with ``fold``: the one half the folds away.
-
-    Networks that were trained on neither vote on both. A choice made on one fold is measured on
-    the other: no counted vote was used for the choice, or comes from a network that was trained on
-    the measured fold. On labels of pure noise nothing else is free of optimism. With an even number
-    of folds each pair needs one training.
-    """
-    return (fold + folds // 2) % folds
-
-
 def one_standard_error(candidates: Sequence[Candidate]) -> Candidate:
     """The cheapest candidate whose accuracy is within one standard error of the best one's.
 
@@ -71,7 +60,7 @@ def one_standard_error(candidates: Sequence[Candidate]) -> Candidate:
     cheapest of them is the one to compare with. Fewer samples than ``MIN_SAMPLES`` leave nothing to
     trade: there the cheapest of the most accurate is taken.
 
-    The accuracy of the choice on the votes that it was made on is optimistic; see :func:`partner`.
+    The accuracy of the choice on the votes that it was made on is optimistic.
     """
     best = min(candidates, key=lambda item: (-item.accuracy, item.cost))
     sufficient = [item for item in candidates if _within(best, item)]

@@ -54,13 +54,13 @@ def frontier_figure(rows: Sequence[Row]) -> Figure:
 
 
 def print_frontier(
-    rows: Sequence[Row], procedure: Mapping[str, Any], directory: Path, command: str
+    rows: Sequence[Row], procedure: Mapping[str, Any] | None, directory: Path, command: str
 ) -> None:
     """Print one line per system, what to expect of the choice, and how to train the chosen one.
 
     Args:
         rows: The systems, fastest first.
-        procedure: ``procedure`` of ``results.json``.
+        procedure: ``procedure`` of ``results.json``; None of a single fold.
         directory: The run folder.
         command: The command that trains the chosen system.
     """
@@ -78,10 +78,14 @@ def print_frontier(
         )
     console.print(table)
     (chosen,) = (row for row in rows if row["chosen"])
+    if procedure is not None:
+        say(
+            f"Expect {procedure['vote_accuracy']:.1%} of such a choice: each fold by the system "
+            "chosen on the others."
+        )
     say(
-        f"Expect {procedure['vote_accuracy']:.1%} of such a choice: each fold by the system chosen "
-        f"on another. {chosen['system']} is chosen on all votes of the tested folds, so its own "
-        f"{chosen['vote_accuracy']:.1%} is optimistic, and holds for these classes."
+        f"{chosen['system']} is chosen on all votes, so its own {chosen['vote_accuracy']:.1%} is "
+        "optimistic, and holds for these classes."
     )
     say(f"Train it with: {command}", wraps=False)
     print_tables(directory)

@@ -2,7 +2,7 @@
 
 import itertools
 import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations
@@ -20,28 +20,22 @@ from tex_lightning.config.check import check_config
 from tex_lightning.config.composition import Job, read_config
 from tex_lightning.config.instantiation import INSTALL, missing_library, named_classes, trust
 from tex_lightning.core.devices import pick_device
-from tex_lightning.core.files import read_record
 from tex_lightning.core.progress import Stage
 from tex_lightning.data.decode import Decoder
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.readers import read_recordings
-from tex_lightning.data.recordings import Recordings
-from tex_lightning.data.store import load_sample, skipped_entry
+from tex_lightning.data.store import load_sample
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.comparison import partner
-from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes, write_results
-from tex_lightning.evaluation.samples import run_test
+from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
 from tex_lightning.inference.early_stopping import SEQUENTIAL, make_inference_model
-from tex_lightning.studies.dataset import Dataset, open_store, show_opening
-from tex_lightning.studies.fold import fit_fold, open_training
+from tex_lightning.studies.dataset import open_store, show_opening
+from tex_lightning.studies.fold import finished_fold, open_training, run_fold
 from tex_lightning.studies.timing import interleaved, waiting
 
-DONE = "measured.json"
 NETWORKS = "networks"
 OWN_SECTIONS = ("task", "frontier", "crossval")  # keys that say nothing of a single system
 WARM_UP = 3
 TIMED = 15  # tested samples, at most, that every system is timed on
-Pair = tuple[int, int]  # folds that networks are trained without
 
 log = logging.getLogger(__name__)
 
@@ -57,8 +51,7 @@ class System:
         entry: Facts of the first fold's network: parameters, arithmetic, checkpoint.
         fit_seconds: Mean over the trainings, parts of a FusionNet included.
         tests: Outcomes by tested fold.
-        partners: Of each tested fold the outcomes of the same networks on its partner, see
-            :func:`~tex_lightning.evaluation.comparison.partner`.
+        skipped: Files that it went without.
         latency: ``median`` and ``p95`` of all timed calls in ms, and ``mean``, over the samples, of
             the median of each: a sequential decision is short for some and long for others.
     """
@@ -69,7 +62,7 @@ class System:
     entry: dict[str, Any] = field(default_factory=dict)
     fit_seconds: float = 0.0
     tests: dict[int, list[Outcome]] = field(default_factory=dict)
-    partners: dict[int, list[Outcome]] = field(default_factory=dict)
+    skipped: list[dict[str, str]] = field(default_factory=list)
     latency: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -152,7 +145,7 @@ def _subsets(config: Config, job: Job) -> dict[str, str]:
 
 
 def measure_family(systems: Sequence[System], folds: Sequence[int], directory: Path) -> None:
-    """Train every system without each of ``folds`` and its partner, and test it on both.
+    """Train every system without each of ``folds``, and test it there.
 
     What a run in the same folder has finished is read.
 
@@ -162,75 +155,31 @@ def measure_family(systems: Sequence[System], folds: Sequence[int], directory: P
         directory: Holds a folder for each system; the networks, each trained once, lie beside it.
     """
     names = ", ".join(system.name for system in systems)
-    shown: set[str] = set()
+    networks_in, shown = directory.parent / NETWORKS, set[str]()
     with Stage("system", len(systems)) as level:
         for number, system in enumerate(systems):
             level.update(number, title=system.name)
-            dataset: Dataset | None = None
-            pairs = _pairs(system, folds)
-            for pair in dict.fromkeys(pairs.values()):
-                home = _home(directory / system.name, pair)
-                if (home / DONE).is_file():
-                    continue
-                log.info("%s, trained without folds %d and %d.", system.name, *pair)
-                dataset = dataset or open_training(system.config, home)
-                if not shown.issuperset(dataset.store.decoders):  # each modality once
-                    shown |= {*dataset.store.decoders}
-                    what = f"{len(systems)} systems: {names}"
-                    show_opening(system.config.data, dataset, what)
-                _measure_pair(system.config, dataset, pair, home, directory.parent / NETWORKS)
-            _read(system, pairs, directory / system.name)
-
-
-def _pairs(system: System, folds: Sequence[int]) -> dict[int, Pair]:
-    """Pair each tested fold with its partner, in one order for both unless networks differ."""
-    data = system.config.data
-    both = {fold: (fold, partner(fold, data.folds)) for fold in folds}
-    if data.inverted:  # a fold is then what is trained on
-        return both
-    return {fold: (min(pair), max(pair)) for fold, pair in both.items()}
-
-
-def _home(directory: Path, pair: Pair) -> Path:
-    return directory / "folds" / f"{pair[0]}-{pair[1]}"
-
-
-def _predictions(home: Path, kind: str, *, second: bool) -> Path:
-    """Return the file of the votes on one of the two folds."""
-    return home / "predictions" / f"{kind}{'_partner' if second else ''}.csv"
-
-
-def _measure_pair(
-    config: Config, dataset: Dataset, pair: Pair, home: Path, networks_in: Path
-) -> None:
-    rows = dataset.recordings
-    apart = Recordings(tuple(row for row in rows if row.fold == pair[1]))
-    others = replace(dataset, recordings=rows.without(apart))
-    networks = fit_fold(
-        config.on_fold(pair[0]), others, home, test_parts=False, networks_in=networks_in
-    )
-    kind = config.model.kind
-    trained = load_classifier(networks[kind]["checkpoint"])
-    classifier = make_inference_model(trained, config.engine, config.decision)
-    samples = make_samples(apart, config.model.modalities)
-    outcomes = run_test(classifier, samples, dataset.store)
-    write_outcomes(outcomes, _predictions(home, kind, second=True))
-    seconds = sum(network["fit_seconds"] for network in networks.values())
-    skipped = skipped_entry(dataset.skipped)
-    write_results(home / DONE, {**networks[kind], "fit_seconds": seconds, "skipped": skipped})
-
-
-def _read(system: System, pairs: Mapping[int, Pair], directory: Path) -> None:
-    """Fill in what the trainings of a system gave."""
-    kind = system.config.model.kind
-    homes = [_home(directory, pair) for pair in dict.fromkeys(pairs.values())]
-    entries = [read_record(home / DONE) for home in homes]
-    system.entry = entries[0]
-    system.fit_seconds = fmean(entry["fit_seconds"] for entry in entries)
-    for fold, pair in pairs.items():
-        home, second = _home(directory, pair), fold == pair[1]
-        system.tests[fold] = read_outcomes(_predictions(home, kind, second=second))
-        system.partners[fold] = read_outcomes(_predictions(home, kind, second=not second))
+            config, dataset, entries = system.config, None, []
+            for fold in folds:
+                home = directory / system.name / "folds" / str(fold)
+                results = finished_fold(home)
+                if results is None:
+                    log.info("%s, trained without fold %d.", system.name, fold)
+                    dataset = dataset or open_training(config, home)
+                    if not shown.issuperset(dataset.store.decoders):  # each modality once
+                        shown |= {*dataset.store.decoders}
+                        show_opening(config.data, dataset, f"{len(systems)} systems: {names}")
+                    results = run_fold(
+                        config.on_fold(fold), dataset, home, test_parts=False,
+                        networks_in=networks_in,
+                    )  # fmt: skip
+                entries.append(results["networks"])
+                predictions = home / "predictions" / f"{config.model.kind}.csv"
+                system.tests[fold] = read_outcomes(predictions)
+                system.skipped = results["skipped"]
+            system.entry = entries[0][config.model.kind]
+            seconds = [sum(part["fit_seconds"] for part in entry.values()) for entry in entries]
+            system.fit_seconds = fmean(seconds)
 
 
 def measure_latencies(systems: Sequence[System], rounds: int) -> None:

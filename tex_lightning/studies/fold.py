@@ -19,6 +19,7 @@ from tex_lightning.config.model import FUSION
 from tex_lightning.core.console import log_once
 from tex_lightning.core.contract import calling
 from tex_lightning.core.devices import pick_device
+from tex_lightning.core.files import read_record
 from tex_lightning.core.progress import track
 from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.data.folds import Split, make_samples, split
@@ -27,7 +28,7 @@ from tex_lightning.data.recordings import Recordings, class_indices
 from tex_lightning.data.store import Store, load_recording
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.calibration import calibrated_card
-from tex_lightning.evaluation.outcomes import RANDOM
+from tex_lightning.evaluation.outcomes import RANDOM, write_results
 from tex_lightning.inference.prediction import taken
 from tex_lightning.learning.loggers import log_test, open_loggers
 from tex_lightning.learning.start import name_source, starting_classifier
@@ -134,6 +135,28 @@ def training_results(
     weights = {name: name_source(begun[name]) if name in begun else RANDOM for name in model.senses}
     frame = results_frame(config, model.name, dataset.classes, dataset.skipped, networks, seconds)
     return {**frame, "weights": weights}
+
+
+def finished_fold(home: Path) -> dict[str, Any] | None:
+    """Return the results of a fold that an earlier run finished."""
+    if not (home / "results.json").is_file():
+        return None
+    log.info("Fold %s is done already.", home.name)
+    return read_record(home / "results.json")
+
+
+def run_fold(config: Config, dataset: Dataset, home: Path, **options: Any) -> dict[str, Any]:  # noqa: ANN401
+    """Train and test on one fold of several; write its ``results.json`` and return it.
+
+    Arguments are those of :func:`fit_fold`; a process that is not rank zero has no results.
+    """
+    begin = time.perf_counter()
+    networks = fit_fold(config, dataset, home, **options)
+    if not is_rank_zero():
+        return {}
+    results = training_results(config, dataset, networks, time.perf_counter() - begin)
+    write_results(home / "results.json", results)
+    return results
 
 
 def fit_fold(

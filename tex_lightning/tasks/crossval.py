@@ -4,14 +4,11 @@ A fold that is finished is never repeated: the same command with the same ``hydr
 where the last one stopped, in the middle of a fold if need be.
 """
 
-import logging
-import time
 from pathlib import Path
 from typing import Any
 
 from tex_lightning.config import Config, plain_values
 from tex_lightning.config.composition import Job
-from tex_lightning.core.files import read_record
 from tex_lightning.core.progress import track
 from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.evaluation.conditions import pool_conditions
@@ -21,9 +18,14 @@ from tex_lightning.learning.loggers import log_test, open_loggers
 from tex_lightning.report.table import print_results
 from tex_lightning.studies.dataset import Dataset
 from tex_lightning.studies.evaluate_checkpoint import draw_figures, pooled_metrics
-from tex_lightning.studies.fold import chosen_folds, fit_fold, open_announced, training_results
+from tex_lightning.studies.fold import (
+    chosen_folds,
+    finished_fold,
+    open_announced,
+    run_fold,
+    training_results,
+)
 
-log = logging.getLogger(__name__)
 KEPT = ("fragment_accuracy", "vote_accuracy", "test_samples", "fit_seconds", "checkpoint")
 
 
@@ -36,7 +38,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     folds: dict[Path, dict[str, Any]] = {}
     for fold in track(chosen, "fold"):
         home = job.directory / "folds" / str(fold)
-        folds[home] = _finished_fold(home) or _run_fold(config.on_fold(fold), dataset, home)
+        folds[home] = finished_fold(home) or run_fold(config.on_fold(fold), dataset, home)
     if not is_rank_zero():
         return {}
     names = next(iter(folds.values()))["networks"]
@@ -45,24 +47,6 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     results = training_results(config, dataset, networks, seconds)
     write_results(job.directory / "results.json", results)
     print_results(results, job.directory)
-    return results
-
-
-def _finished_fold(home: Path) -> dict[str, Any] | None:
-    """Return the results of a fold that an earlier run finished."""
-    if not (home / "results.json").is_file():
-        return None
-    log.info("Fold %s is done already.", home.name)
-    return read_record(home / "results.json")
-
-
-def _run_fold(config: Config, dataset: Dataset, home: Path) -> dict[str, Any]:
-    begin = time.perf_counter()
-    networks = fit_fold(config, dataset, home)
-    if not is_rank_zero():
-        return {}
-    results = training_results(config, dataset, networks, time.perf_counter() - begin)
-    write_results(home / "results.json", results)
     return results
 
 

@@ -1,12 +1,12 @@
 """Measure a family of systems on the same folds: accuracy against latency, and a choice.
 
-Each tested fold has a partner that is left out of training with it. The system for use is chosen on
-all votes; how well such a choice does is measured on each fold by the choice on its partner.
+The system for use is chosen on all votes; how well such a choice does is measured on each fold by
+the choice on the others.
 """
 
 import shlex
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from statistics import fmean
 from typing import Any
 
@@ -22,7 +22,7 @@ from tex_lightning.evaluation.comparison import (
     one_standard_error,
     pareto,
 )
-from tex_lightning.evaluation.outcomes import Outcome, environment, summarise, write_results
+from tex_lightning.evaluation.outcomes import environment, summarise, write_results
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.frontier_chart import (
     frontier_figure,
@@ -51,8 +51,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     folds = chosen_folds(config.data.folds, config.crossval.only)
     measure_family(systems, folds, directory / "systems")
     measure_latencies(systems, config.frontier.rounds)
-    name = one_standard_error(_candidates(systems, [system.tests for system in systems])).name
-    chosen = next(system for system in systems if system.name == name)
+    chosen = _choose(systems, folds)
+    skipped = {file["path"]: file for system in systems for file in system.skipped}
     rows, procedure = _rows(systems, chosen), _measure_choice(systems)
     write_rows(directory / "frontier.csv", rows[0], (row.values() for row in rows))
     save_figure(frontier_figure(rows), directory / "frontier")
@@ -63,8 +63,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "folds": folds,
         "wall_seconds": time.perf_counter() - begin,
         "environment": environment(pick_device(config.trainer.accelerator)),
-        "skipped": _skipped(systems),
-        "chosen": name,
+        "skipped": list(skipped.values()),
+        "chosen": chosen.name,
         "command": _command(job, chosen.overrides),
         "overrides": chosen.overrides,
         "procedure": procedure,
@@ -75,46 +75,39 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     return results
 
 
-def _skipped(systems: Sequence[System]) -> list[dict[str, str]]:
-    """Return files that some system went without, each once."""
-    skipped = [file for system in systems for file in system.entry.get("skipped", [])]
-    return list({file["path"]: file for file in skipped}.values())
-
-
-def _candidates(
-    systems: Sequence[System], votes: Sequence[Mapping[int, Sequence[Outcome]]]
-) -> list[Candidate]:
-    """Return the systems by their times and some of their votes, on samples of all senses."""
+def _choose(systems: Sequence[System], folds: Sequence[int]) -> System:
+    """Choose a system by its time and its votes on some folds, on samples of all senses."""
     widths = [len(system.config.model.modalities) for system in systems]
-    joint = votes[widths.index(max(widths))]
-    return [
-        Candidate(
-            system.name,
-            system.cost,
-            {
-                (fold, recording): share
-                for fold, outcomes in tested.items()
-                for recording, share in correct_shares(outcomes, joint[fold]).items()
-            },
-        )
-        for system, tested in zip(systems, votes, strict=True)
-    ]
+    joint = systems[widths.index(max(widths))].tests
+    candidates = []
+    for system in systems:
+        correct = {
+            (fold, recording): share
+            for fold in folds
+            for recording, share in correct_shares(system.tests[fold], joint[fold]).items()
+        }
+        candidates.append(Candidate(system.name, system.cost, correct))
+    return systems[candidates.index(one_standard_error(candidates))]
 
 
-def _measure_choice(systems: Sequence[System]) -> dict[str, Any]:
-    """Measure how well it does to choose a system: each fold by the choice on its partner.
+def _measure_choice(systems: Sequence[System]) -> dict[str, Any] | None:
+    """Measure how well it does to choose a system: each fold by the choice on the others.
 
     In a family of several kinds the samples of a fold are those of the chosen system.
+
+    Returns:
+        None of a single fold.
     """
-    named = {system.name: system for system in systems}
-    choices, outcomes = {}, []
-    for fold in systems[0].tests:
-        partners = [{fold: system.partners[fold]} for system in systems]
-        choices[fold] = one_standard_error(_candidates(systems, partners)).name
-        outcomes += named[choices[fold]].tests[fold]
-    summary = summarise(outcomes)
+    folds = [*systems[0].tests]
+    if len(folds) < 2:
+        return None
+    choices = {
+        fold: _choose(systems, [other for other in folds if other != fold]) for fold in folds
+    }
+    summary = summarise([vote for fold in folds for vote in choices[fold].tests[fold]])
     keys = ("vote_accuracy", "vote_ci95", "correct", "test_samples")
-    return {**{key: summary[key] for key in keys}, "chosen": choices}
+    names = {fold: system.name for fold, system in choices.items()}
+    return {**{key: summary[key] for key in keys}, "chosen": names}
 
 
 def _rows(systems: Sequence[System], chosen: System) -> list[dict[str, Any]]:
