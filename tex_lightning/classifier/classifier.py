@@ -20,10 +20,12 @@ from tex_lightning.classifier.card import LEFT_OUT, Card, read_checkpoint, readi
 from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.classifier.vote import RULES, Vote, random_tuples
 from tex_lightning.config.model import FUSION
+from tex_lightning.core.devices import computing_threads
 from tex_lightning.errors import UserError
 from tex_lightning.networks.archives import SizeLimit, check_numbers
 from tex_lightning.networks.blocks import Head, Level, score_layer_of
 from tex_lightning.networks.fusionnet import FusionLayer
+from tex_lightning.networks.linear import LinearNet
 from tex_lightning.senses.base import Sense, content, make_sense
 
 PREFIX = "classifier."  # in the state of a LightningModule
@@ -163,8 +165,14 @@ class SurfaceClassifier(nn.Module):
 
     @torch.inference_mode()
     def classify(self, **recordings: Tensor) -> Vote:
-        """Decide on one sample; arguments are those of :meth:`logits`."""
-        outputs = self.sense_outputs(**recordings)
+        """Decide on one sample; arguments are those of :meth:`logits`.
+
+        Features of bands and a linear rule are so little work that a second thread costs more time
+        than it saves, and several times as much beside other processes.
+        """
+        light = all(isinstance(sense.network, LinearNet) for sense in self.senses.values())
+        with computing_threads(1 if light else None):
+            outputs = self.sense_outputs(**recordings)
         return self.vote(outputs, 0 if self.fusion is None else self.seed(**recordings))
 
     def decide(self, logits: Tensor, temperature: float) -> Vote:

@@ -32,6 +32,7 @@ class FeatureStatistics(nn.Module):
         directions: (rank, D), orthonormal.
         variances: (rank,) along the directions, above 0.
         rest: () variance along every other direction, above 0.
+        white: (classes, D), the means about their centre, whitened.
 
     Example:
         >>> import torch
@@ -50,6 +51,7 @@ class FeatureStatistics(nn.Module):
     directions: Tensor
     variances: Tensor
     rest: Tensor
+    white: Tensor
 
     def __init__(self, classes: int, features: int, rank: int) -> None:
         super().__init__()
@@ -58,6 +60,7 @@ class FeatureStatistics(nn.Module):
         self.register_buffer("directions", torch.zeros(rank, features))
         self.register_buffer("variances", torch.ones(rank))
         self.register_buffer("rest", torch.ones(()))
+        self.register_buffer("white", torch.zeros(classes, features), persistent=False)
 
     @classmethod
     def of(cls, features: Tensor, labels: Tensor, classes: int) -> Self:
@@ -74,13 +77,8 @@ class FeatureStatistics(nn.Module):
             centred, freedom = means - means.mean(dim=0), max(1, classes - 1)
         spread, directions = _principal(centred)
         variances, rest = _shrunk(spread / freedom, freedom, rows.shape[1])
-        found = cls(classes, rows.shape[1], len(variances))
-        for name, value in (
-            ("means", means), ("counts", counts), ("directions", directions[: len(variances)]),
-            ("variances", variances), ("rest", rest),
-        ):  # fmt: skip
-            found.get_buffer(name).copy_(value)
-        return found
+        state = {"means": means, "counts": counts, "directions": directions[: len(variances)]}
+        return cls.from_state({**state, "variances": variances, "rest": rest})
 
     @classmethod
     def from_state(cls, state: dict[str, Tensor]) -> Self:
@@ -92,9 +90,11 @@ class FeatureStatistics(nn.Module):
             ValueError: If a tensor has another number of axes.
         """
         classes, features = state["means"].shape
-        found = cls(classes, features, len(state["directions"]))
-        found.load_state_dict(state)
-        return found
+        statistics = cls(classes, features, len(state["directions"]))
+        statistics.load_state_dict(state)
+        means = statistics.means
+        statistics.white.copy_(statistics.whiten(means - means.mean(dim=0)))
+        return statistics
 
     def with_classes(self, means: Tensor, counts: Tensor) -> Self:
         """Return statistics with more classes: means (added, D) of so many recordings each."""
@@ -128,10 +128,9 @@ class FeatureStatistics(nn.Module):
         it. It detects recordings of unknown classes better than the distance does, whose scale
         varies between recordings (docs/calibration.md).
         """
-        centre = self.means.mean(dim=0)
-        point, means = self.whiten(features - centre), self.whiten(self.means - centre)
-        lengths = point.norm(dim=-1, keepdim=True) * means.norm(dim=-1)
-        cosines: Tensor = (point @ means.T) / lengths.clamp(min=LEAST_VARIANCE)
+        point = self.whiten(features - self.means.mean(dim=0))
+        lengths = point.norm(dim=-1, keepdim=True) * self.white.norm(dim=-1)
+        cosines: Tensor = (point @ self.white.T) / lengths.clamp(min=LEAST_VARIANCE)
         return 1 - cosines.amax(dim=-1).clamp(max=1)  # rounding may pass it
 
 

@@ -213,7 +213,7 @@ class ProportionsGraph(nn.Module):
         for index, power in zip(features.used, self.powers, strict=True):
             bands = (power(centred) / features.level + FLOOR).log().T
             responses.append(compared(bands, features.gaps[index]))
-        frames = len(responses[features.used.index(features.longest)])
+        frames = responses[features.used.index(features.longest)].shape[0]
         fragments = self._fragments(samples, frames)
         return features.join(responses, trace, fragments), start
 

@@ -52,7 +52,8 @@ def trace(classifier: SurfaceClassifier) -> Traced:
     inputs, sizes = {}, {}
     for sense in classifier.senses.values():
         inputs[sense.modality] = example(sense)
-        sizes[sense.modality] = {0: Dim.DYNAMIC, 1: Dim.DYNAMIC}
+        fixed = getattr(sense.features, "levels", 0)  # as many channels as were trained on
+        sizes[sense.modality] = {0: Dim.STATIC if fixed else Dim.DYNAMIC, 1: Dim.DYNAMIC}
     if graph.fused:  # the positions that are drawn at the card's seed
         decision, senses = classifier.card.decision, len(classifier.card.sense_names)
         inputs[DRAWS] = draws(decision["seed"], decision["pairs"], senses)
@@ -99,7 +100,8 @@ def example(sense: Sense, seed: int = 0) -> Tensor:
     generator = torch.Generator().manual_seed(seed)
     decoder = sense.decoder
     if isinstance(decoder, SignalDecoder):
-        size = AXES[-1], _samples(sense, decoder.sampling_rate)
+        axes = getattr(sense.features, "levels", 0) or AXES[-1]
+        size = axes, _samples(sense, decoder.sampling_rate)
         return torch.randn(size, generator=generator)
     least = (SIDE, SIDE) if sense.geometry is None else sense.window_size
     scale = 2 if isinstance(decoder, PhotoDecoder) and decoder.half_scale else 1

@@ -7,6 +7,7 @@ frequency and a threshold, and the windows and their bands follow from the data'
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import scipy  # whose parts are loaded when they are used
 import torch
@@ -66,6 +67,8 @@ class BandProportions(nn.Module):
     Attributes:
         bands: Number of features of a fragment, D.
         blocks: Kind and number of features of each block, in their order.
+        used: Numbers of the windows in use: those that fit, and the shortest in any case.
+        longest: Number of the longest of them, which has the fewest frames.
     """
 
     level: Tensor
@@ -99,6 +102,7 @@ class BandProportions(nn.Module):
         self.fragment_seconds, self.levels = fragment_seconds, levels or 0
         self.lengths: list[int] = []
         self.gaps: list[int] = []
+        self.halves: list[tuple[slice, slice]] = []
         self.blocks: list[tuple[str, int]] = []
         for seconds, per_octave in zip(windows, bands_per_octave, strict=True):
             self._add_window(seconds, per_octave, thresholds)
@@ -113,6 +117,9 @@ class BandProportions(nn.Module):
         self.register_buffer("fits", torch.ones(len(self.lengths), dtype=torch.bool))
         self.register_buffer("positive", torch.zeros(self.levels, dtype=torch.bool))
         self.register_buffer("deviation", torch.ones(self.levels))
+        self._note_windows()
+        loaded: Any = self.register_load_state_dict_post_hook  # it has no annotations
+        loaded(BandProportions._note_windows)
 
     def _add_window(self, seconds: float, per_octave: int, thresholds: int) -> None:
         """Add buffers and blocks of one window, if it has enough samples."""
@@ -133,19 +140,16 @@ class BandProportions(nn.Module):
         self.register_buffer(f"thresholds{index}", torch.zeros(thresholds, 4 * bands - gap))
         self.lengths.append(length)
         self.gaps.append(gap)
+        self.halves.append((_reach(filters[: bands // 2]), _reach(filters[bands // 2 :])))
         sizes = (SHAPE, bands), (SHAPE, bands - gap), (SHAPE, bands), (POWER, bands)
         self.blocks += [(kind, size * thresholds) for kind, size in sizes]
 
-    @property
-    def used(self) -> list[int]:
-        """Numbers of the windows in use: those that fit, and the shortest in any case."""
+    def _note_windows(self, *_: object) -> None:
+        """Keep which windows are used, also after weights were loaded."""
         shortest = self.lengths.index(min(self.lengths))
-        return [n for n, fits in enumerate(self.fits.tolist()) if fits or n == shortest]
-
-    @property
-    def longest(self) -> int:
-        """Number of the longest window in use, which has the fewest frames."""
-        return max(self.used, key=self.lengths.__getitem__)
+        fits = enumerate(self.fits.tolist())
+        self.used = [number for number, fit in fits if fit or number == shortest]
+        self.longest = max(self.used, key=self.lengths.__getitem__)
 
     @property
     def min_samples(self) -> int:
@@ -180,8 +184,12 @@ class BandProportions(nn.Module):
         frames = movement.unfold(-1, length, hop_length(length))
         frames = (frames - frames.mean(dim=-1, keepdim=True)).mul_(window)
         squares = torch.view_as_real(torch.fft.rfft(frames)).square_()
-        power = (squares[..., 0] + squares[..., 1]).sum(dim=0) @ filters / window.sum().square()
-        bands = (power / self.level).add_(FLOOR).log_()
+        power = (squares[..., 0] + squares[..., 1]).sum(dim=0)
+        low, high = self.halves[index]  # low bands are most of all, and take few frequencies
+        half = filters.shape[1] // 2
+        sums = power[:, low] @ filters[low, :half], power[:, high] @ filters[high, half:]
+        scale = window.sum().square() * self.level
+        bands = (torch.cat(sums, dim=1) / scale).add_(FLOOR).log_()
         return compared(bands, gap)
 
     def learn(self, traces: Iterable[Tensor]) -> None:
@@ -191,10 +199,12 @@ class BandProportions(nn.Module):
             traces: (axes, samples) each.
         """
         self.fits.fill_(False)
+        self._note_windows()
         movements = [self.movement(trace) for trace in traces]
         shortest = min(movement.shape[-1] for movement in movements)
         lengths = torch.tensor(self.lengths, device=self.fits.device)
         self.fits.copy_(lengths * WINDOWS_IN_RECORDING <= shortest)
+        self._note_windows()
         powers = [movement.var(dim=-1, correction=0).sum() for movement in movements]
         level = torch.stack(powers).mean()
         self.level.copy_(level if level > 0 else torch.ones_like(level))
@@ -276,7 +286,7 @@ def compared(bands: Tensor, gap: int) -> Tensor:
     With the mean of the frame, with the band ``gap`` below, with the same band one window earlier
     (the first frames with the first), and as they are.
     """
-    earlier = torch.cat((bands[:1].expand(OVERLAP, -1), bands))[: len(bands)]
+    earlier = bands[(torch.arange(bands.shape[0], device=bands.device) - OVERLAP).clamp_min(0)]
     relative, steps = bands - bands.mean(dim=1, keepdim=True), bands[:, gap:] - bands[:, :-gap]
     return torch.cat((relative, steps, bands - earlier, bands), dim=1)
 
@@ -292,9 +302,8 @@ def proportions(responses: Tensor, limits: Tensor, fragments: int) -> Tensor:
     Returns:
         (channels * thresholds, fragments), the thresholds of a channel side by side.
     """
-    member = membership(len(responses), fragments, responses).T
-    above = responses.new_empty(len(limits), *responses.shape)
-    torch.gt(responses, limits[:, None], out=above)  # at once as numbers, a third of the time
+    member = membership(responses.shape[0], fragments, responses).T
+    above = (responses - limits[:, None]).gt_(0)  # as numbers: faster than a comparison as booleans
     return (member @ above).permute(2, 0, 1).flatten(0, 1)
 
 
@@ -330,6 +339,12 @@ def octave_filters(sampling_rate: float, samples: int, per_octave: int) -> Tenso
     heights = triangles(frequencies, below, centres, above)
     heights[:, 0] = 0
     return mean_filters(heights)
+
+
+def _reach(filters: Tensor) -> slice:
+    """Return the range of frequencies that some of the filters (bands, frequencies) take."""
+    taken = filters.any(dim=0).nonzero()
+    return slice(int(taken[0]), int(taken[-1]) + 1) if len(taken) else slice(0)
 
 
 def _thinned(responses: Tensor, kept: int) -> Tensor:
