@@ -13,17 +13,18 @@ from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
+from tex_lightning.config.data import SyntheticConfig
 from tex_lightning.errors import UserError
 from tex_lightning.synthetic import write_folder
 from tex_lightning.synthetic.camera import render_photo
-from tex_lightning.synthetic.dataset import SyntheticSpec, listen, photograph, record
+from tex_lightning.synthetic.dataset import listen, photograph, record
 from tex_lightning.synthetic.materials import BLOCK, FAMILIES, ReliefSpec, make_materials
 from tex_lightning.synthetic.microphone import hear_stroke
 from tex_lightning.synthetic.specimen import PITCH, TILE, Specimen, make_relief, smooth
 from tex_lightning.synthetic.tool import draw_stroke, slide_tool
 
 RATE, SOUND_RATE = 10_000, 44_100
-SPEC = SyntheticSpec(seconds=2)
+SPEC = SyntheticConfig(recordings=10, seed=0, seconds=2, photo_width=320, photo_height=240)
 PLAIN = range(4)  # without a foil
 
 
@@ -142,7 +143,7 @@ def test_foil_drowns_what_the_tool_tells_apart(specimen):
     assert all(np.abs(pair[0] - other).max() > 6 for other in others)
 
 
-TINY = {"recordings": 2, "seconds": 1, "photo_width": 64, "photo_height": 48}
+TINY = SyntheticConfig(recordings=2, seed=0, seconds=1, photo_width=64, photo_height=48)
 
 
 def contents(root):
@@ -150,9 +151,8 @@ def contents(root):
 
 
 def test_files_are_those_of_data_folder_and_depend_on_class_and_seed_alone(tmp_path, specimen):
-    spec = SyntheticSpec(classes=2, **TINY)
-    write_folder(spec, tmp_path / "two", ("haptic", "image", "sound"))
-    write_folder(SyntheticSpec(classes=3, **TINY), tmp_path / "three")
+    write_folder(2, TINY, tmp_path / "two", ("haptic", "image", "sound"))
+    write_folder(3, TINY, tmp_path / "three")
     two, three = contents(tmp_path / "two"), contents(tmp_path / "three")
     names = [material.name for material in make_materials(3, 0)]
     suffixes = {"haptic": "npy", "image": "jpg"}
@@ -170,19 +170,17 @@ def test_files_are_those_of_data_folder_and_depend_on_class_and_seed_alone(tmp_p
     assert (trace.dtype, trace.shape) == (np.float32, (3, 10_000))
     sound, rate = soundfile.read(folder / "sound" / "01.flac", dtype="float32")
     assert rate == 44_100
-    np.testing.assert_allclose(sound, listen(spec, specimen(1), 1, 1), atol=1 / 32_000)
+    np.testing.assert_allclose(sound, listen(TINY, specimen(1), 1, 1), atol=1 / 32_000)
     photo = cv2.cvtColor(cv2.imread(str(folder / "image" / "01.jpg")), cv2.COLOR_BGR2RGB)
-    mean = photograph(spec, specimen(1), 1, 1).mean(axis=(0, 1))
+    mean = photograph(TINY, specimen(1), 1, 1).mean(axis=(0, 1))
     np.testing.assert_allclose(photo.mean(axis=(0, 1)), mean, atol=1)
 
 
-@pytest.mark.parametrize("classes", [1, 1000])
-def test_the_number_of_classes_is_limited(classes):
-    with pytest.raises(UserError, match=f"data.classes is {classes}: choose 2 to 999"):
-        SyntheticSpec(classes=classes)
+def test_the_number_of_classes_is_limited(tmp_path):
+    with pytest.raises(UserError, match=r"data\.classes is 1000: choose 2 to 999"):
+        write_folder(1000, TINY, tmp_path)
 
 
-SMALL = SyntheticSpec(classes=6, seconds=2, photo_width=320, photo_height=240)
 TESTED = np.isin(np.arange(10), [4, 9])
 
 
@@ -235,7 +233,7 @@ def _confusions(features):
 )
 def test_all_but_the_twins_are_told_apart(specimen, take, describe, twins):
     features = np.array(
-        [[describe(take(SMALL, specimen(i), i, n)) for n in range(10)] for i in range(6)]
+        [[describe(take(SPEC, specimen(i), i, n)) for n in range(10)] for i in range(6)]
     )
     wrong = [
         (true, seen)

@@ -4,7 +4,7 @@ The data are made for tests and for trying the whole system without a download. 
 model of any real data set, and no result on them says anything about one.
 """
 
-from tex_lightning.synthetic.dataset import SyntheticSpec, write_folder
+from tex_lightning.synthetic.dataset import write_folder
 from tex_lightning.synthetic.materials import Material, make_materials
 
-__all__ = ["Material", "SyntheticSpec", "make_materials", "write_folder"]
+__all__ = ["Material", "make_materials", "write_folder"]

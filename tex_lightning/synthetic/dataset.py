@@ -3,7 +3,6 @@
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 import soundfile
 from numpy.typing import NDArray
 
+from tex_lightning.config.data import SyntheticConfig
 from tex_lightning.core.progress import track
 from tex_lightning.errors import UserError
 from tex_lightning.synthetic.camera import Light, render_photo
@@ -22,53 +22,35 @@ from tex_lightning.synthetic.tool import draw_stroke, slide_tool
 
 RATE = 10_000  # Hz of traces
 SOUND_RATE = 44_100  # Hz of sounds
+MAX_CLASSES = 999  # as many as their names can number
 _HAPTIC, _IMAGE, _SOUND = 0, 1, 2
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 95]
 
 
-@dataclass(frozen=True)
-class SyntheticSpec:
-    """Size and seed of a synthetic data set.
-
-    Attributes:
-        classes: Number of materials, 2 to 999.
-        recordings: Traces, photos and sounds of each material. The first half of the photos is
-            taken in daylight, the second in ambient light.
-        seed: Seed of everything, not negative.
-        seconds: Duration of a trace and of its sound, at least 1.
-        photo_width: Width of a photo in pixels, at least 32.
-        photo_height: Height of a photo in pixels, at least 32.
-
-    Raises:
-        UserError: If there are too few or too many classes.
-    """
-
-    classes: int = 12
-    recordings: int = 10
-    seed: int = 0
-    seconds: float = 8.0
-    photo_width: int = 1280
-    photo_height: int = 960
-
-    def __post_init__(self) -> None:
-        if not 2 <= self.classes <= 999:
-            raise UserError(f"data.classes is {self.classes}: choose 2 to 999 materials.")
-
-
 def write_folder(
-    spec: SyntheticSpec, root: Path, modalities: Sequence[str] = ("haptic", "image")
+    classes: int,
+    surfaces: SyntheticConfig,
+    root: Path,
+    modalities: Sequence[str] = ("haptic", "image"),
 ) -> None:
     """Write ``CLASS/haptic/NN.npy``, ``CLASS/image/NN.jpg`` and, if asked, ``CLASS/sound/NN.flac``.
 
     Traces are float32, shape (3, T), in g at 10 kHz. Sounds are 16 bit at 44.1 kHz, each of the
-    stroke that the trace of the same number was felt in.
+    stroke that the trace of the same number was felt in. The first half of the photos is taken in
+    daylight, the second in ambient light.
 
     Args:
-        spec: What to write.
+        classes: Number of materials, 2 to 999.
+        surfaces: Number and size of the recordings of each, and the seed of everything.
         root: Folder to write to; missing or empty.
         modalities: Some of ``haptic``, ``image`` and ``sound``.
+
+    Raises:
+        UserError: If there are too many classes.
     """
-    materials = make_materials(spec.classes, spec.seed)
+    if classes > MAX_CLASSES:
+        raise UserError(f"data.classes is {classes}: choose 2 to {MAX_CLASSES} materials.")
+    materials = make_materials(classes, surfaces.seed)
 
     def write(index: int) -> None:
         specimen = Specimen(materials[index])
@@ -76,47 +58,43 @@ def write_folder(
             suffix, take, save = _FILES[modality]
             folder = root / specimen.material.name / modality
             folder.mkdir(parents=True)
-            for recording in range(spec.recordings):
-                save(folder / f"{recording:02d}{suffix}", take(spec, specimen, index, recording))
+            for number in range(surfaces.recordings):
+                save(folder / f"{number:02d}{suffix}", take(surfaces, specimen, index, number))
 
     # Threads do, as the work is done inside NumPy, SciPy and OpenCV, and they start anywhere.
     with ThreadPoolExecutor(min(2, os.cpu_count() or 1)) as pool:
-        jobs = [pool.submit(write, index) for index in range(spec.classes)]
+        jobs = [pool.submit(write, index) for index in range(classes)]
         for job in track(jobs, "Rendering surfaces"):
             job.result()
 
 
-def _rng(spec: SyntheticSpec, index: int, recording: int, sense: int) -> np.random.Generator:
-    return np.random.default_rng([spec.seed, index, recording, sense])
+def _rng(surfaces: SyntheticConfig, index: int, recording: int, sense: int) -> np.random.Generator:
+    return np.random.default_rng([surfaces.seed, index, recording, sense])
 
 
 def record(
-    spec: SyntheticSpec, specimen: Specimen, index: int, recording: int
+    surfaces: SyntheticConfig, specimen: Specimen, index: int, recording: int
 ) -> NDArray[np.float32]:
     """Record one trace of class ``index``, in g, shape (3, T)."""
-    return slide_tool(specimen, _rng(spec, index, recording, _HAPTIC), spec.seconds, RATE)
+    return slide_tool(specimen, _rng(surfaces, index, recording, _HAPTIC), surfaces.seconds, RATE)
 
 
 def listen(
-    spec: SyntheticSpec, specimen: Specimen, index: int, recording: int
+    surfaces: SyntheticConfig, specimen: Specimen, index: int, recording: int
 ) -> NDArray[np.float32]:
     """Record what a microphone hears of the stroke of :func:`record`, shape (T,), in [-1, 1]."""
-    contact = _rng(spec, index, recording, _HAPTIC)
-    stroke = draw_stroke(contact, spec.seconds, RATE).at_rate(SOUND_RATE)
-    return hear_stroke(specimen, stroke, contact, _rng(spec, index, recording, _SOUND))
+    contact = _rng(surfaces, index, recording, _HAPTIC)
+    stroke = draw_stroke(contact, surfaces.seconds, RATE).at_rate(SOUND_RATE)
+    return hear_stroke(specimen, stroke, contact, _rng(surfaces, index, recording, _SOUND))
 
 
 def photograph(
-    spec: SyntheticSpec, specimen: Specimen, index: int, recording: int
+    surfaces: SyntheticConfig, specimen: Specimen, index: int, recording: int
 ) -> NDArray[np.uint8]:
     """Take one photo of class ``index``, RGB, shape (photo_height, photo_width, 3)."""
-    rng = _rng(spec, index, recording, _IMAGE)
-    size = spec.photo_width, spec.photo_height
-    return render_photo(specimen, rng, _light(spec, recording), size)
-
-
-def _light(spec: SyntheticSpec, recording: int) -> Light:
-    return "daylight" if recording < (spec.recordings + 1) // 2 else "ambient"
+    rng = _rng(surfaces, index, recording, _IMAGE)
+    light: Light = "daylight" if recording < (surfaces.recordings + 1) // 2 else "ambient"
+    return render_photo(specimen, rng, light, (surfaces.photo_width, surfaces.photo_height))
 
 
 def _write_jpeg(path: Path, photo: NDArray[np.uint8]) -> None:
@@ -128,7 +106,7 @@ def _write_flac(path: Path, sound: NDArray[np.float32]) -> None:
     soundfile.write(path, sound, SOUND_RATE, "PCM_16")
 
 
-_Take = Callable[[SyntheticSpec, Specimen, int, int], NDArray[Any]]
+_Take = Callable[[SyntheticConfig, Specimen, int, int], NDArray[Any]]
 _Save = Callable[[Path, NDArray[Any]], None]
 _FILES: dict[str, tuple[str, _Take, _Save]] = {
     "haptic": (".npy", record, np.save),

@@ -6,7 +6,7 @@ from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import say
 from tex_lightning.data.readers.folder import read_folder
-from tex_lightning.data.readers.synthetic import spec_of
+from tex_lightning.data.readers.synthetic import CLASSES
 from tex_lightning.data.recordings import write_manifest
 from tex_lightning.errors import UserError
 from tex_lightning.synthetic import write_folder
@@ -18,10 +18,11 @@ def run(config: Config, job: Job) -> None:
     A manifest beside them lists every file, as an example of the format.
     """
     out = _new_folder(config.generate.out)
-    spec = spec_of(config.data.classes, vars(config.data.synthetic))
-    write_folder(spec, out, ("haptic", "image", *(["sound"] if config.generate.sound else [])))
+    classes = config.data.classes or CLASSES
+    modalities = ("haptic", "image", *(["sound"] if config.generate.sound else []))
+    write_folder(classes, config.data.synthetic, out, modalities)
     write_manifest(read_folder(out), out / "manifest.csv")
-    say(f"{spec.classes} synthetic classes written to {out}.")
+    say(f"{classes} synthetic classes written to {out}.")
 
 
 def _new_folder(name: str) -> Path:
