@@ -61,15 +61,11 @@ def test_photos_too_small_are_mirrored_without_black(photos):
     assert crop.float().mean() == pytest.approx(128, abs=10)
 
 
-def test_inputs_in_a_file_are_cut_as_those_in_memory(tmp_path):
-    inputs = [torch.rand(1, 3, length) for length in (20, 35, 7)]
-    memory, file = (InputBank(iter(inputs), 10, folder=folder) for folder in (None, tmp_path))
-    assert not list(tmp_path.iterdir())  # it has no name
-    indices = np.array([0, 2, 1, 1])
-    expected, found = (bank.cut(indices, np.random.default_rng(0)) for bank in (memory, file))
-    assert torch.equal(found["input"], expected["input"])
-    for ours, given in zip(file.inputs, [*inputs[:2], inputs[2].repeat(1, 1, 2)], strict=True):
-        assert torch.equal(ours, given)
+def test_inputs_shorter_than_a_sub_sample_are_repeated():
+    inputs = [torch.rand(1, 3, length) for length in (20, 7)]
+    whole, repeated = InputBank(iter(inputs), 10).inputs
+    assert torch.equal(whole, inputs[0])
+    assert torch.equal(repeated, inputs[1].repeat(1, 1, 2))
 
 
 def test_few_photos_stay_open_whatever_their_number(photos, monkeypatch):
@@ -78,7 +74,4 @@ def test_few_photos_stay_open_whatever_their_number(photos, monkeypatch):
     monkeypatch.setattr(banks, "MAX_MAPS", 2)
     bank = PhotoBank(rows, store, 20, 0.0)
     assert torch.equal(bank.cut(np.arange(6), np.random.default_rng(0))["crop"], expected)
-    assert list(bank.maps) == [4, 5]  # each holds a file open
-    bank.photo(4)
-    bank.photo(0)
-    assert list(bank.maps) == [4, 0]
+    assert len(bank.maps) <= 2  # each holds a file open

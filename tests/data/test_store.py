@@ -7,9 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 
-from tex_lightning.data.banks import spooled
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder, decode_image
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import Recording, equal_parts
@@ -115,7 +113,6 @@ def test_a_cache_of_another_user_can_be_read(store, surfaces):
             assert again.fill(kept) == []
             for row, expected in zip(kept, whole, strict=True):
                 np.testing.assert_array_equal(again.load(row), expected)
-            spooled([torch.ones(2, 3)], shared)
             with pytest.raises(UserError, match=rf"{shared} cannot be written .*data\.cache_dir"):
                 again.load(other)
 

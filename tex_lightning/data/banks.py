@@ -3,8 +3,6 @@
 import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import IO
 
 import cv2
 import numpy as np
@@ -15,50 +13,7 @@ from torch import Tensor
 from tex_lightning.data.decode import Photo
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
-from tex_lightning.errors import UserError
 from tex_lightning.perturbations.table import Augmentation
-
-
-def spooled(items: Iterable[Tensor], folder: Path) -> tuple[Tensor, list[int]]:
-    """Join tensors on the CPU along their first axis in a file, of which memory holds what is read.
-
-    The system writes the pages to disk and drops them when memory is short. The file has no name
-    and is gone with the tensor.
-
-    Args:
-        items: (length, ...) each, at least one, of one type; one at a time is in memory.
-        folder: Folder of the file; where it can only be read, the system's temporary one.
-
-    Returns:
-        (lengths together, ...), and the length of each.
-
-    Raises:
-        UserError: If the disk is full.
-    """
-    lengths: list[int] = []
-    try:
-        with _unnamed_file(folder) as file:
-            for item in items:
-                array = np.ascontiguousarray(item)
-                lengths.append(len(array))
-                file.write(array.data)
-            file.flush()
-            # copy-on-write: PyTorch has no read-only tensors, and nothing writes to it
-            joined = np.memmap(file, array.dtype, "c", shape=(sum(lengths), *array.shape[1:]))
-    except OSError as error:
-        raise UserError(
-            f"Features cannot be written to {folder} ({error.strerror}); free some space or set "
-            "data.cache_dir to a larger disk."
-        ) from error
-    return torch.from_numpy(joined), lengths
-
-
-def _unnamed_file(folder: Path) -> IO[bytes]:
-    try:
-        return tempfile.TemporaryFile(dir=folder)
-    except OSError:  # a cache that several share
-        return tempfile.TemporaryFile()
-
 
 Indices = npt.NDArray[np.int64]
 WHOLE = slice(None)
@@ -68,29 +23,28 @@ MAX_MAPS = 768  # photos; many systems allow a process 1024 open files, macOS an
 class InputBank:
     """Network inputs (..., frames) of unequal length in one tensor, cut in one indexing step.
 
+    A temporary file holds them, of which memory holds what is read: the system drops its pages when
+    memory is short. The file has no name and is gone with the tensor.
+
     Args:
         inputs: Inputs of all recordings in their first version, then in their second, and so on.
         frames: Length of the sub-samples.
         versions: How many there are of every recording; which one is cut is drawn.
-        folder: Where a file holds them; None keeps them in memory.
     """
 
-    def __init__(
-        self,
-        inputs: Iterable[Tensor],
-        frames: int,
-        versions: int = 1,
-        folder: Path | None = None,
-    ) -> None:
-        self.versions = versions
-        # frames first: a sub-sample is then one piece of memory, or of the file
-        whole = (_at_least(item.cpu(), frames).movedim(-1, 0) for item in inputs)
-        self.frames = frames
-        if folder is None:
-            kept = list(whole)
-            self.flat, lengths = torch.cat(kept), [len(item) for item in kept]
-        else:
-            self.flat, lengths = spooled(whole, folder)
+    def __init__(self, inputs: Iterable[Tensor], frames: int, versions: int = 1) -> None:
+        self.versions, self.frames = versions, frames
+        lengths: list[int] = []
+        with tempfile.TemporaryFile() as file:
+            for item in inputs:
+                # frames first: a sub-sample is then one piece of the file
+                array = np.ascontiguousarray(_at_least(item.cpu(), frames).movedim(-1, 0))
+                lengths.append(len(array))
+                file.write(array.data)
+            file.flush()
+            # copy-on-write: PyTorch has no read-only tensors, and nothing writes to it
+            joined = np.memmap(file, array.dtype, "c", shape=(sum(lengths), *array.shape[1:]))
+        self.flat = torch.from_numpy(joined)
         self.lengths = np.array(lengths)
         self.starts = np.concatenate(([0], np.cumsum(self.lengths)[:-1]))
 
@@ -135,7 +89,7 @@ class PhotoBank:
     side: int
     rotation: float
     augmentation: Augmentation | None = None
-    # opened on first use, each loader process its own; the latest used last
+    # opened on first use, each loader process its own
     maps: dict[int, Photo] = field(default_factory=dict, init=False)
 
     def photo(self, index: int) -> Photo:
@@ -143,13 +97,11 @@ class PhotoBank:
 
         Only so many stay open: each is an open file, and what was read of it stays in memory.
         """
-        photo = self.maps.pop(index, None)
-        if photo is None:
-            photo = self.store.load(self.recordings[index])
+        if index not in self.maps:
             if len(self.maps) >= MAX_MAPS:
-                del self.maps[next(iter(self.maps))]
-        self.maps[index] = photo
-        return photo
+                self.maps.clear()
+            self.maps[index] = self.store.load(self.recordings[index])
+        return self.maps[index]
 
     def cut(
         self, indices: Indices, rng: np.random.Generator, share: slice = WHOLE

@@ -98,14 +98,13 @@ class SignalSense(Sense):
         features: Any = self.features
         if learn and hasattr(features, "learn"):
             features.learn(load_recording(row, store).to(self.device) for row in rows)
-        store.root.mkdir(parents=True, exist_ok=True)
         clean = (self._raw(load_recording(row, store)) for row in self._tracked(rows))
         perturbed = self._perturbed(rows, store, fit, seed)
-        raw = InputBank(chain(clean, perturbed), 1, folder=store.root).inputs
+        raw = InputBank(chain(clean, perturbed), 1).inputs
         if learn and hasattr(features, "fit"):
             features.fit(raw[: len(rows)])
         versions = len(raw) // len(rows)
-        return InputBank(map(self._normalised, raw), size, versions, store.root)
+        return InputBank(map(self._normalised, raw), size, versions)
 
     @torch.no_grad()
     def _raw(self, recording: Tensor) -> Tensor:
