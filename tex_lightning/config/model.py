@@ -16,7 +16,6 @@ PROBABILITY = "[0, 1)"
 WIDTH = "(0, 8]"
 ROTATION = {"range": "[0, 180]", "unit": "degrees"}
 NORMS = ("batch", "lrn", "none")
-PERTURB = "perturbations to train on too, named in tex_lightning/perturbations/severities.yaml"
 
 
 @dataclass
@@ -47,13 +46,11 @@ class FitConfig:
 
 @dataclass
 class SignalFitConfig(FitConfig):
-    """Training on sub-samples of spectrograms; FusionNet is perturbed alike."""
+    """Training on sub-samples of spectrograms."""
 
     frames: int = key(
         "frames of a sub-sample; longer signals are cut at random, shorter repeated", "[1, 20000]"
     )
-    perturb: list[str] = key(PERTURB)
-    perturbed_copies: int = key("perturbed versions of every signal", "[1, 100]")
 
     piece_key: ClassVar[str] = "frames"
 
@@ -69,7 +66,7 @@ class ProbeConfig:
 
 @dataclass
 class PhotoFitConfig(FitConfig):
-    """Training on square patches; FusionNet is perturbed alike."""
+    """Training on square patches."""
 
     patch: int = key("side of a training patch", "[1, 2048]", unit="pixels")
     rotation: float = key("largest random rotation either way", **ROTATION)
@@ -78,8 +75,6 @@ class PhotoFitConfig(FitConfig):
         "side) in [0, 1] after the rotation; null leaves them",
         default=None,
     )
-    perturb: list[str] = key(PERTURB)
-    perturbed_share: float = key("share of patches that are perturbed", "[0, 1]")
     probe: ProbeConfig = field(default_factory=ProbeConfig)
 
     piece_key: ClassVar[str] = "patch"
