@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from tex_lightning.data.decode import SignalDecoder
-from tex_lightning.data.quality import TraceMonitor, photo_quality, together, training_ranges
+from tex_lightning.data.quality import (
+    level,
+    photo_quality,
+    together,
+    trace_quality,
+    training_ranges,
+)
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 
@@ -12,24 +18,20 @@ RNG = np.random.default_rng(0)
 NOISE = RNG.standard_normal((1, 20_000)).astype(np.float32)
 
 
-def quality(trace, pieces=1, **ranges):
-    monitor = TraceMonitor("trace")
-    for piece in np.array_split(trace, pieces, axis=1):
-        monitor.update(piece)
-    return monitor.quality(ranges, level=monitor.level, rate=10_000)
+def quality(trace, **ranges):
+    return trace_quality(trace, ranges, "trace", {"level": level(trace), "rate": 10_000})
 
 
-@pytest.mark.parametrize("pieces", [1, 7])
-def test_dead_and_clipped_sensors_are_told_from_live_ones(pieces):
+def test_dead_and_clipped_sensors_are_told_from_live_ones():
     three = np.concatenate([NOISE, NOISE[:, ::-1] + 9.81, NOISE * 0.1])
-    assert quality(three, pieces).warnings == ()
-    assert "silent" in quality(three * 0, pieces).warnings[0]
-    assert quality(three * 0, pieces).empty
-    assert "constant" in quality(three * 0 + 0.3, pieces).warnings[0]
-    dead = quality(three * [[1], [0], [1]] + 9.81, pieces)
+    assert quality(three).warnings == ()
+    assert "silent" in quality(three * 0).warnings[0]
+    assert quality(three * 0).empty
+    assert "constant" in quality(three * 0 + 0.3).warnings[0]
+    dead = quality(three * [[1], [0], [1]] + 9.81)
     assert dead.warnings == ("Axis 2 of the trace is constant; check the sensor.",)
     assert not dead.empty
-    assert "clipped, 12%" in quality(NOISE.clip(-0.7, 0.7), pieces).warnings[0]
+    assert "clipped, 12%" in quality(NOISE.clip(-0.7, 0.7)).warnings[0]
 
 
 def test_a_slow_trace_that_stays_at_its_top_for_some_samples_is_not_clipped():
@@ -38,16 +40,6 @@ def test_a_slow_trace_that_stays_at_its_top_for_some_samples_is_not_clipped():
     assert quality(slow).warnings == ()
     slow[:, 60:72] = slow.max()
     assert "clipped, 10%" in quality(slow).warnings[0]
-
-
-def test_level_is_the_deviation_whatever_the_offset_and_the_pieces():
-    three = np.concatenate([NOISE, NOISE[:, ::-1] * 2])
-    expected = float(np.sqrt(three.astype(np.float64).var(axis=1).sum()))
-    for pieces in (1, 13):
-        monitor = TraceMonitor("trace")
-        for piece in np.array_split(three + 100, pieces, axis=1):
-            monitor.update(piece)
-        assert monitor.level == pytest.approx(expected, rel=1e-4)
 
 
 def test_only_what_is_far_outside_of_the_training_is_said():

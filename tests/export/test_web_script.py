@@ -16,7 +16,7 @@ from scipy.signal import resample_poly
 from tex_lightning.classifier.classifier import content_seed
 from tex_lightning.classifier.vote import random_tuples
 from tex_lightning.data.decode import halve, rate_ratio
-from tex_lightning.data.quality import TraceMonitor, photo_quality, trace_measures
+from tex_lightning.data.quality import photo_quality, trace_measures, trace_quality
 from tex_lightning.data.traces import read_samples
 from tex_lightning.export import web_page
 
@@ -201,9 +201,7 @@ def test_warnings_of_signals_are_those_of_the_package(node):
         traces=[trace.tolist() for trace in TRACES.values()], ranges=RANGES,
     )  # fmt: skip
     for trace, quality in zip(TRACES.values(), found, strict=True):
-        monitor = TraceMonitor("trace")
-        monitor.update(trace)
-        expected = monitor.quality(RANGES, **trace_measures(trace, 4000.0, 10_000.0))
+        expected = trace_quality(trace, RANGES, "trace", trace_measures(trace, 4000.0, 10_000.0))
         assert quality == {"warnings": list(expected.warnings), "empty": expected.empty}
 
 

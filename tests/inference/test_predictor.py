@@ -105,7 +105,7 @@ def test_a_chunk_with_other_axes_is_refused(haptic):
         ({"haptic": ["a.wav", "b.wav"]}, "give numbers"),
         ({"haptic": [[1, 2], [3]]}, "cannot be read as an array"),
         ({"haptic": TRACE[:10_000]}, r"1\.00 s of movement, and HapticNet needs 1\.81 s"),
-        ({"haptic": TRACE, "rate": 0}, "rate is 0; give the sampling rate in Hz"),
+        ({"haptic": TRACE, "rate": 0}, "a sampling rate of 0 Hz, too far from"),
         ({"haptic": "gone.wav"}, "gone.wav does not exist"),
         ({"image": PHOTO / 255.0}, "float64 of the shape .* give uint8"),
         ({"image": PHOTO.transpose(2, 0, 1)}, "colours last"),

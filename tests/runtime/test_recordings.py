@@ -9,7 +9,7 @@ from scipy.signal import resample_poly
 
 from tex_lightning.data.decode import halve as reference
 from tex_lightning.data.decode import rate_ratio
-from tex_lightning.data.quality import TraceMonitor, limits, trace_measures
+from tex_lightning.data.quality import limits, trace_measures, trace_quality
 from tex_lightning.data.quality import photo_quality as photo_reference
 from tex_lightning_runtime.recordings import decode, resample
 
@@ -38,9 +38,9 @@ TRACES = {
 @pytest.mark.parametrize("name", TRACES)
 @pytest.mark.parametrize("rate", [2_000.0, 10_000.0, 44_100.0])
 def test_traces(name, rate):
-    monitor, found = TraceMonitor("trace"), decode(TRACES[name], TRACE, rate)
-    monitor.update(TRACES[name])
-    expected = monitor.quality(LEVELS, **trace_measures(found.array, rate, 10_000.0))
+    found = decode(TRACES[name], TRACE, rate)
+    measures = trace_measures(found.array, rate, 10_000.0)
+    expected = trace_quality(TRACES[name], LEVELS, "trace", measures)
     assert (found.warnings, found.empty) == ([*expected.warnings], expected.empty)
 
 

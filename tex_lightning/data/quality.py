@@ -47,72 +47,43 @@ def level(samples: Array) -> float:
     return float(np.sqrt(samples.var(axis=1, dtype=np.float64).sum()))
 
 
-class TraceMonitor:
-    """Level, constancy and clipping of a signal that may come in pieces.
+def trace_quality(
+    samples: Array, ranges: Ranges, what: str, measures: Mapping[str, float]
+) -> Quality:
+    """Name the faults of a signal.
 
     Args:
-        what: What it is called.
+        samples: (axes, samples) as they came: resampling would blur what is constant or clipped.
+        ranges: Ranges of the training; what they lack is not compared.
+        what: What the signal is called.
+        measures: ``level`` and ``rate`` (:func:`trace_measures`) that are compared with them.
     """
+    low, high = samples.min(axis=1), samples.max(axis=1)
+    constant = low == high
+    if constant.all():
+        how = "constant" if high.any() else "silent"
+        warning = f"The {what} is {how}, so nothing was measured; check the sensor."
+        return Quality((warning,), empty=True)
+    warnings = [
+        f"Axis {axis + 1} of the {what} is constant; check the sensor."
+        for axis in np.flatnonzero(constant)
+    ]
+    flat = max(_count_flat(samples[axis]) for axis in np.flatnonzero(~constant))
+    clipped = flat / samples.shape[1]
+    if flat >= MIN_FLAT and clipped >= FLAT_SHARE:
+        warnings.append(
+            f"The {what} is clipped, {clipped:.0%} of it at its largest or smallest value; lower "
+            "the sensor's gain."
+        )
+    return Quality((*warnings, *_unlike(ranges, what, measures)))
 
-    def __init__(self, what: str) -> None:
-        self.what = what
-        self.count = 0
 
-    def update(self, samples: Array) -> None:
-        """Take the next samples (axes, samples), at least one."""
-        x = samples.astype(np.float64)
-        low, high = x.min(axis=1), x.max(axis=1)
-        if not self.count:
-            self.offset, self.low, self.high = x[:, 0].copy(), low, high
-            self.sum, self.squares, self.flat = np.zeros((3, len(x)))
-        wider = (low < self.low) | (high > self.high)
-        self.low, self.high = np.minimum(self.low, low), np.maximum(self.high, high)
-        self.flat = np.where(wider, 0, self.flat) + self._count_flat(x)
-        centred = x - self.offset[:, None]  # else gravity would cost digits
-        self.sum += centred.sum(axis=1)
-        self.squares += np.square(centred).sum(axis=1)
-        self.count += x.shape[1]
-
-    def _count_flat(self, x: Array) -> Array:
-        """Count the samples of each axis that repeat its largest or smallest value so far."""
-        extreme = (x == self.low[:, None]) | (x == self.high[:, None])
-        flat: Array = (extreme[:, 1:] & (x[:, 1:] == x[:, :-1])).sum(axis=1)
-        for axis in np.flatnonzero(flat):
-            if len(np.unique(x[axis])) < FINE_VALUES:
-                flat[axis] = 0
-        return flat
-
-    @property
-    def level(self) -> float:
-        """As :func:`level` of all samples so far."""
-        variances = self.squares / self.count - np.square(self.sum / self.count)
-        return float(np.sqrt(np.maximum(variances, 0).sum()))
-
-    def quality(self, ranges: Ranges, **measures: float) -> Quality:
-        """Name the faults of the trace so far.
-
-        Args:
-            ranges: Ranges of the training; what they lack is not compared.
-            **measures: ``level`` and ``rate`` (:func:`trace_measures`) that are compared with them.
-        """
-        constant = self.low == self.high
-        if constant.all():
-            how = "silent" if not self.high.any() else "constant"
-            return Quality(
-                (f"The {self.what} is {how}, so nothing was measured; check the sensor.",), True
-            )
-        warnings = [
-            f"Axis {axis + 1} of the {self.what} is constant; check the sensor."
-            for axis in np.flatnonzero(constant)
-        ]
-        flat = float(np.where(constant, 0, self.flat).max())
-        clipped = flat / self.count
-        if flat >= MIN_FLAT and clipped >= FLAT_SHARE:
-            warnings.append(
-                f"The {self.what} is clipped, {clipped:.0%} of it at its largest or smallest "
-                "value; lower the sensor's gain."
-            )
-        return Quality((*warnings, *_unlike(ranges, self.what, measures)))
+def _count_flat(axis: Array) -> int:
+    """Count the samples (samples,) that repeat the largest or smallest value."""
+    if len(np.unique(axis)) < FINE_VALUES:
+        return 0
+    extreme = (axis == axis.min()) | (axis == axis.max())
+    return int((extreme[1:] & (axis[1:] == axis[:-1])).sum())
 
 
 def trace_measures(trace: Trace, rate: float, sampling_rate: float) -> dict[str, float]:
@@ -172,7 +143,7 @@ def limits(ranges: Ranges) -> dict[str, tuple[float, float, str]]:
     return usual
 
 
-def _unlike(ranges: Ranges, what: str, measures: dict[str, float]) -> Iterator[str]:
+def _unlike(ranges: Ranges, what: str, measures: Mapping[str, float]) -> Iterator[str]:
     """Name the measures that lie far outside those of the training."""
     known = limits(ranges)
     for name, value in measures.items():

@@ -17,7 +17,7 @@ import numpy as np
 from tex_lightning.config import Config
 from tex_lightning.core.console import console, print_line, say
 from tex_lightning.core.progress import track
-from tex_lightning.data.quality import TraceMonitor, photo_quality
+from tex_lightning.data.quality import photo_quality, trace_quality
 from tex_lightning.data.recordings import name_one
 from tex_lightning.errors import UserError
 from tex_lightning.recording.class_folder import ClassFolder, Pixels
@@ -120,9 +120,7 @@ class Signal:
     def warnings(self, samples: Chunk) -> list[str]:
         """Name the faults of a recording (axes, samples), a sentence each."""
         what = name_one(self.modality)
-        monitor = TraceMonitor(what)
-        monitor.update(samples)
-        warnings = list(monitor.quality({}).warnings)
+        warnings = list(trace_quality(samples, {}, what, {}).warnings)
         if self.source.lost:
             self.source.lost = False
             warnings.append(f"Samples of the {what} were lost; close other programs.")

@@ -10,7 +10,7 @@ from torch import Tensor
 from tex_lightning.core.progress import track
 from tex_lightning.data.banks import InputBank
 from tex_lightning.data.decode import Array, SignalDecoder, as_trace, read_trace, to_rate
-from tex_lightning.data.quality import Quality, Ranges, TraceMonitor, trace_measures
+from tex_lightning.data.quality import Quality, Ranges, trace_measures, trace_quality
 from tex_lightning.data.recordings import Recording, plural
 from tex_lightning.data.store import Store, load_recording
 from tex_lightning.errors import UserError
@@ -128,17 +128,24 @@ class SignalSense(Sense):
         **_: Any,  # noqa: ANN401
     ) -> tuple[Tensor, Quality]:
         """Decode a file or samples; ``rate`` in Hz is that of samples and of files without one."""
-        target = self.decoder.sampling_rate
         if isinstance(given, str | Path):
             path, assumed = Path(given).expanduser(), rate or self.decoder.file_rate
             raw, found = read_trace(path, self.decoder.assuming(assumed))
             source, name = found.hz, f"Trace {path}"
         else:
             raw, name = as_trace(given, self.modality, self.decoder.channels), self.modality
-            source = target if rate is None else rate
-        if not source > 0:
-            raise UserError(f"rate is {source:g}; give the sampling rate in Hz.")
-        trace, monitor = to_rate(raw, source, target, name), TraceMonitor(self.what)
-        monitor.update(raw)  # resampling would blur what is constant or clipped
-        measures = trace_measures(trace, source, target)
-        return torch.from_numpy(trace), monitor.quality(ranges, **measures)
+            source = self.decoder.sampling_rate if rate is None else rate
+        return self.resample(raw, source, ranges, name)
+
+    def resample(
+        self, raw: Array, rate: float, ranges: Ranges, name: str
+    ) -> tuple[Tensor, Quality]:
+        """Bring samples (axes, samples) at ``rate`` in Hz to what decoding gives; judge them.
+
+        Raises:
+            UserError: If there is no such rate, beginning with ``name``.
+        """
+        target = self.decoder.sampling_rate
+        trace = to_rate(raw, rate, target, name)
+        measures = trace_measures(trace, rate, target)
+        return torch.from_numpy(trace), trace_quality(raw, ranges, self.what, measures)

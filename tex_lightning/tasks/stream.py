@@ -31,8 +31,6 @@ Chunk = npt.NDArray[np.floating]
 def run(config: Config, job: Job) -> None:
     """Push the signals, from files or standard input, chunk by chunk; print the vote after each.
 
-    Where the filter of another rate holds samples back, one more line gives the vote of all.
-
     Raises:
         UserError: If the checkpoint cannot be streamed, the samples cannot be read, or they end
             before there is one fragment.
@@ -64,8 +62,6 @@ def run(config: Config, job: Job) -> None:
 
     for parts in zip(*chunks.values(), strict=False):  # until the shortest ends
         show(stream.push(**dict(zip(chunks, parts, strict=True))))
-    if stream.waiting:
-        show(stream.finish())
     stream.check()
 
 
