@@ -31,7 +31,7 @@ from torch import Tensor, nn
 
 from benchmarks._classifiers import configured
 from tex_lightning.classifier.card import configured_card
-from tex_lightning.classifier.classifier import Trained
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.devices import keep_memory
@@ -217,7 +217,7 @@ def measure(overrides: tuple[str, ...] = ()) -> dict[str, Any]:
         ``environment`` and, by network, the entries of :meth:`Turns.summary`.
     """
     networks: dict[str, Any] = {}
-    unimodal: dict[str, Trained] = {}
+    unimodal: dict[str, SurfaceClassifier] = {}
     keep_memory()
     with tempfile.TemporaryDirectory() as folder:
         config = _config(overrides)
@@ -244,9 +244,9 @@ def _train(
     dataset: Dataset,
     folder: Path,
     senses: list[str],
-    unimodal: dict[str, Trained],
+    unimodal: dict[str, SurfaceClassifier],
     watch: Turns,
-) -> Trained:
+) -> SurfaceClassifier:
     parts, store = dataset.parts(config.data), dataset.store
     card = configured_card(config, dataset.classes).of(senses)
     card = complete_recipe(config, card, parts, store, unimodal)

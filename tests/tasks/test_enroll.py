@@ -9,7 +9,6 @@ import torch
 import tex_lightning as tl
 from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.data.store import fingerprint
-from tex_lightning.studies.enrolment import write_checkpoint
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +67,7 @@ def test_what_was_added_is_not_tested_on(three, surfaces, cli, tmp_path):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        (["data=folder", "data.root={surfaces}"], "knows alpha, beta, gamma already; name the new"),
+        (["data=folder", "data.root={surfaces}"], "knows alpha, beta, gamma already; give"),
         (
             ["data=folder", "data.root={new}", "checkpoint={untrained}/checkpoints/haptic.ckpt"],
             "keeps no statistics of its features",
@@ -100,23 +99,24 @@ def fusion(untrained, tmp_path_factory):
         rows = torch.rand(9, size, generator=torch.Generator().manual_seed(0))
         classifier.statistics[name] = FeatureStatistics.of(rows, labels, 3)
     path = tmp_path_factory.mktemp("fusion") / "fusion.ckpt"
-    write_checkpoint(classifier, untrained / "checkpoints/fusion.ckpt", path, 0.0)
+    classifier.save(path)
     return path
 
 
 def test_a_fusion_learns_a_class_of_all_its_senses(fusion, surfaces, cli, tmp_path):
     outcome = cli(
         "task=enroll", f"checkpoint={fusion}", "data=folder", f"data.root={surfaces}",
-        "enroll.only=[gamma]", "data.per_class=2", "data.test_fold=0", f"hydra.run.dir={tmp_path}",
+        "data.per_class=2", "data.test_fold=0", f"hydra.run.dir={tmp_path}",
     )  # fmt: skip
     assert outcome.status == 0, outcome.err
     network = json.loads((tmp_path / "results.json").read_text())["networks"]["fusion"]
-    assert network["added"] == {"gamma": {"haptic": 2, "image": 2}}
+    new = ["alpha", "beta", "gamma"]
+    assert network["added"] == {name: {"haptic": 2, "image": 2} for name in new}
     model = tl.load(tmp_path)
     seen = model.card.trained_on["seen"]
-    tested = {fingerprint(path) for path in surfaces.glob("gamma/*/gamma_0.*")}
-    assert (len(seen), len(tested), tested & {*seen}) == (4, 2, set())
-    assert model.card.classes == ["a", "b", "c", "gamma"]
+    tested = {fingerprint(path) for path in surfaces.glob("*/*/*_0.*")}
+    assert (len(seen), len(tested), tested & {*seen}) == (12, 6, set())
+    assert model.card.classes == ["a", "b", "c", *new]
     haptic, image = surfaces / "gamma/haptic/gamma_9.wav", surfaces / "gamma/image/gamma_9.png"
     assert model.predict(haptic=haptic, image=image).label == "gamma"
     assert model.predict(haptic=haptic).label == "gamma"

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import torch
 from torch import Tensor, nn
 
 from tex_lightning.classifier.card import Card, read_checkpoint, reading
-from tex_lightning.classifier.classifier import SurfaceClassifier, Trained
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config.instantiation import (
     INSTALL,
     TARGET,
@@ -19,7 +18,6 @@ from tex_lightning.config.instantiation import (
     trusted_class,
 )
 from tex_lightning.core.contract import breach, calling, describe
-from tex_lightning.core.files import write_atomically
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store, load_recording
 from tex_lightning.errors import UserError
@@ -208,14 +206,9 @@ class BaselineClassifier(SurfaceClassifier):
         """How many numbers were fitted."""
         return self.baseline.count_parameters()
 
-    def save(self, path: Path, fit_seconds: float) -> None:
-        """Write a checkpoint of tensors and plain values."""
-        content = {
-            "hyper_parameters": {"card": self.card.to_dict()},
-            "baseline": self.baseline.state(),
-            "fit_seconds": fit_seconds,
-        }
-        write_atomically(path, lambda partial: torch.save(content, partial))
+    def weights(self) -> dict[str, Any]:
+        """Return what was fitted."""
+        return {"baseline": self.baseline.state()}
 
 
 def new_classifier(card: Card) -> SurfaceClassifier:
@@ -224,25 +217,20 @@ def new_classifier(card: Card) -> SurfaceClassifier:
 
 
 def load_classifier(path: str | Path) -> SurfaceClassifier:
-    """Load a checkpoint of a network or of a baseline; see :func:`load_trained`."""
-    return load_trained(path).classifier
-
-
-def load_trained(path: str | Path) -> Trained:
-    """Load a checkpoint with what it says of the training.
+    """Load a checkpoint of a network or of a baseline, ready to classify on the CPU.
 
     Raises:
         UserError: If the file cannot be used, or a library that the baseline needs is missing.
     """
     path, content = Path(path).expanduser(), read_checkpoint(path)
     if not isinstance(content, dict) or "baseline" not in content:
-        return Trained.of(SurfaceClassifier.from_content(path, content), path, content)
+        return SurfaceClassifier.from_content(path, content)
     with reading(path):
         card = Card.from_dict(content["hyper_parameters"]["card"])
         with SizeLimit(path.stat().st_size):
             classifier = BaselineClassifier(card)
             classifier.baseline.load_state(content["baseline"])
-    return Trained.of(classifier, path, content)
+    return classifier
 
 
 @dataclass(frozen=True)

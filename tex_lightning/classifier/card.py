@@ -28,7 +28,6 @@ ROUNDING = 1e-9  # of a rate times a number of recordings
 
 DECISION = ("pairs", "rule", "seed", "reject_below", "unknown")  # that the card keeps
 NOVELTIES = "novelties"  # of the calibration
-LEFT_OUT = "left_out_novelties"  # of a checkpoint
 MAX_WIDTH = 100  # a card that says more is damaged, and its network would not fit into memory
 CHOICES: dict[str, tuple[str, ...]] = {
     "norm": NORMS,
@@ -49,6 +48,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "decision.unknown": (0, 1),
     "calibration.temperature": (1e-6, 1e6),
     "calibration.confidence_threshold": (0, 1),
+    "training.fit_seconds": (0, math.inf),
 }
 OPTIONAL = ("file_rate", "resize", "decision.reject_below", "decision.unknown")
 
@@ -77,6 +77,10 @@ class Card:
             what each trunk began from if not at random.
         input_ranges: By modality, smallest and largest value of each measure of the training
             recordings (:func:`~tex_lightning.data.quality.training_ranges`); empty if not known.
+        training: ``fit_seconds`` that the training took; ``val_loss``, the loss on the validation
+            fold, None where nothing was validated; and by sense ``left_out``, the novelties of
+            training recordings that were left out of the statistics, empty where the layers before
+            the scores were fitted to them.
     """
 
     classes: list[str]
@@ -87,6 +91,7 @@ class Card:
     calibration: dict[str, Any] = field(default_factory=dict)
     trained_on: dict[str, Any] = field(default_factory=dict)
     input_ranges: dict[str, dict[str, list[float]]] = field(default_factory=dict)
+    training: dict[str, Any] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for a checkpoint."""
@@ -271,7 +276,7 @@ def _check(card: Card) -> None:
     required = card.rule, card.decision["pairs"], card.decision["seed"]
     if None in required or (card.kind == FUSION and "level" not in card.fusion):
         raise ValueError("its decision is not complete")
-    for key in ("senses", "decision", "fusion", "calibration", "input_ranges"):
+    for key in ("senses", "decision", "fusion", "calibration", "input_ranges", "training"):
         _check_values(key, getattr(card, key))
     if card.novelties and set(card.novelties) != set(card.senses):
         raise ValueError("its calibration.novelties are not those of its senses")
@@ -288,7 +293,7 @@ def _check_values(where: str, value: object) -> None:
     if isinstance(value, dict):
         for name, each in value.items():
             _check_values(f"{where}.{name}", each)
-    elif where.startswith((f"calibration.{NOVELTIES}", "input_ranges")):
+    elif where.startswith((f"calibration.{NOVELTIES}", "input_ranges", "training.left_out")):
         for each in value if isinstance(value, list) else [value]:
             _check_number(where, each, 0, math.inf)
     elif key in CHOICES and value not in CHOICES[key]:

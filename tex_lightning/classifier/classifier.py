@@ -7,7 +7,7 @@ that prediction from raw files does exactly what testing did.
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -16,11 +16,12 @@ import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.classifier.card import LEFT_OUT, Card, read_checkpoint, reading
+from tex_lightning.classifier.card import Card, read_checkpoint, reading
 from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.classifier.vote import RULES, Vote, random_tuples
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.devices import computing_threads
+from tex_lightning.core.files import write_atomically
 from tex_lightning.errors import UserError
 from tex_lightning.networks.archives import SizeLimit, check_numbers
 from tex_lightning.networks.blocks import Head, Level, score_layer_of
@@ -105,7 +106,14 @@ class SurfaceClassifier(nn.Module):
             UserError: If the file is missing, damaged, from elsewhere, a baseline's or of another
                 kind.
         """
-        return read_trained(path, kind).classifier
+        path = Path(path).expanduser()
+        classifier = cls.from_content(path, read_checkpoint(path))
+        if kind is not None and classifier.card.kind != kind:
+            raise UserError(
+                f"Checkpoint {path} holds a {classifier.card.kind} network where a {kind} network "
+                "is needed; give another file."
+            )
+        return classifier
 
     @classmethod
     def from_content(cls, path: Path, stored: dict[str, Any]) -> "SurfaceClassifier":
@@ -132,6 +140,16 @@ class SurfaceClassifier(nn.Module):
             check_numbers(state)
             classifier.load_state_dict(state)
         return classifier.eval()
+
+    def save(self, path: Path) -> None:
+        """Write a checkpoint of tensors and plain values."""
+        card = {"hyper_parameters": {"card": self.card.to_dict()}}
+        content = {**card, **self.weights()}
+        write_atomically(path, lambda partial: torch.save(content, partial))
+
+    def weights(self) -> dict[str, Any]:
+        """Return the part of a checkpoint that holds what was trained."""
+        return {"state_dict": lightning_state(self)}
 
     def expect_statistics(self, state: Mapping[str, Tensor]) -> None:
         """Make room for statistics of the sizes in a state."""
@@ -369,44 +387,6 @@ def class_scores(network: nn.Module, features: Tensor) -> Tensor:
     layer: Any = score_layer_of(network)
     found: Tensor = layer.weight.flatten(1) @ features + layer.bias[:, None]
     return found
-
-
-@dataclass(frozen=True)
-class Trained:
-    """A trained classifier and what its checkpoint says of the training.
-
-    Attributes:
-        classifier: Ready to classify.
-        checkpoint: Its file.
-        fit_seconds: Seconds that the training took.
-        val_loss: Loss on the validation fold; None where nothing was validated.
-        left_out: By sense the novelties of training recordings that were left out of the
-            statistics; empty where they were fitted by the layers before the scores.
-    """
-
-    classifier: SurfaceClassifier
-    checkpoint: Path
-    fit_seconds: float
-    val_loss: float | None = None
-    left_out: Mapping[str, Sequence[float]] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, classifier: SurfaceClassifier, path: Path, stored: Mapping[str, Any]) -> "Trained":
-        """Join a classifier with what its checkpoint says beside it."""
-        seconds, loss = stored.get("fit_seconds", 0.0), stored.get("val_loss")
-        return cls(classifier, path, seconds, loss, stored.get(LEFT_OUT, {}))
-
-
-def read_trained(path: str | Path, kind: str | None = None) -> Trained:
-    """Read the checkpoint of a network, once; arguments and errors of ``from_checkpoint``."""
-    path, stored = Path(path).expanduser(), read_checkpoint(path)
-    classifier = SurfaceClassifier.from_content(path, stored)
-    if kind is not None and classifier.card.kind != kind:
-        raise UserError(
-            f"Checkpoint {path} holds a {classifier.card.kind} network where a {kind} network "
-            "is needed; give another file."
-        )
-    return Trained.of(classifier, path, stored)
 
 
 def lightning_state(classifier: SurfaceClassifier) -> dict[str, Tensor]:

@@ -87,7 +87,6 @@ class Config:
     callbacks: dict[str, Any] = key("callbacks by name, each with its _target_", factory=dict)
     logger: dict[str, Any] = key("loggers by name, each with its _target_", factory=dict)
     crossval: tasks.CrossvalConfig = field(default_factory=tasks.CrossvalConfig)
-    enroll: tasks.EnrollConfig = field(default_factory=tasks.EnrollConfig)
     stream: StreamConfig = field(default_factory=StreamConfig)
     record: RecordConfig = field(default_factory=RecordConfig)
     export: tasks.ExportConfig = field(default_factory=tasks.ExportConfig)

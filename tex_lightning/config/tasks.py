@@ -107,13 +107,6 @@ class CrossvalConfig:
 
 
 @dataclass
-class EnrollConfig:
-    """Classes that are added to a trained network."""
-
-    only: list[str] | None = key("classes of the data that are added; null adds all", default=None)
-
-
-@dataclass
 class StreamConfig:
     """Classification while a recording goes on."""
 

@@ -14,11 +14,11 @@ from typing import cast
 import torch
 from torch import Tensor, nn
 
+from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import STATISTICS, SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import ScoreLayer, score_layer_of
-from tex_lightning.networks.fusionnet import FusionLayer
 
 Fragments = Sequence[Sequence[Tensor]]  # by class and recording, features (D, positions)
 DRAWN = 60  # features of each class that stand for its recordings
@@ -103,6 +103,11 @@ def add_classes(
 ) -> SurfaceClassifier:
     """Copy a classifier and add classes after its own.
 
+    Each sense of a fusion has its columns, fitted apart. The sum then knows what all senses say,
+    and a part of the senses is right by itself. The only bias is in the partial logits of the last
+    sense; the new classes have the mean of the old ones', which leaves nothing to it that the
+    other senses would lack.
+
     Args:
         classifier: Trained, on the CPU, with :attr:`~SurfaceClassifier.statistics`.
         names: Names of the new classes.
@@ -112,30 +117,27 @@ def add_classes(
     Raises:
         UserError: If it has no statistics, or its class scores are no layer of their own.
     """
-    check_extensible(classifier)
-    senses, fusion = classifier.card.sense_names, classifier.fusion
+    layer = _check_extensible(classifier)
+    fusion, senses = classifier.fusion, classifier.card.sense_names
     statistics = {name: _with_classes(classifier, name, features[name]) for name in senses}
-    temperature = classifier.card.temperature
-    if fusion is None:
-        layer = _score_layer(classifier, senses[0])
-        weight, bias = _values(layer)
-        rows, biases = fit_new_class_weights(
-            statistics[senses[0]], weight.flatten(1), bias, features[senses[0]],
-            temperature=temperature, new_bias=None,
+    weight, bias = layer.weight.detach().flatten(1), cast(Tensor, layer.bias).detach()
+    sizes, rows = [weight.shape[1]] if fusion is None else fusion.sizes, []
+    for name, block in zip(senses, torch.split(weight, sizes, dim=1), strict=True):
+        last = name == senses[-1]
+        new_bias = float(bias.mean()) if last else 0.0
+        new, biases = fit_new_class_weights(
+            statistics[name], block, bias if last else torch.zeros_like(bias), features[name],
+            temperature=classifier.card.temperature,
+            new_bias=None if fusion is None else new_bias,
         )  # fmt: skip
-    else:
-        layer = fusion.head
-        rows, biases = _fusion_rows(fusion, statistics, features, temperature)
-    state = _with_rows(classifier, layer, rows, biases)
-    for layer in _unused_layers(classifier):
-        weight, bias = _values(layer)
-        size = len(names), *weight.shape[1:]
-        state |= _with_rows(classifier, layer, weight.new_zeros(size), bias.new_zeros(size[0]))
-    return _rebuilt(classifier, [*classifier.card.classes, *names], state, statistics)
+        rows.append(new)
+    card = replace(classifier.card, classes=[*classifier.card.classes, *names])
+    state = classifier.state_dict() | _with_rows(classifier, layer, torch.cat(rows, dim=1), biases)
+    return _rebuilt(card, state, statistics)
 
 
-def check_extensible(classifier: SurfaceClassifier) -> None:
-    """Refuse a network that classes cannot be added to.
+def _check_extensible(classifier: SurfaceClassifier) -> ScoreLayer | nn.Linear:
+    """Return the layer of the class scores, or refuse a network that classes cannot be added to.
 
     Raises:
         UserError: Saying why.
@@ -146,12 +148,13 @@ def check_extensible(classifier: SurfaceClassifier) -> None:
             "recordings; train it anew with task=fit."
         )
     if classifier.fusion is None:
-        _score_layer(classifier, classifier.card.kind)
-    elif "fc3" in classifier.fusion.levels:
+        return _score_layer(classifier, classifier.card.kind)
+    if "fc3" in classifier.fusion.levels:
         raise UserError(
             "This FusionNet fuses class scores, and classes are added to one that fuses FC2; train "
             "it anew with all recordings, or with model.fusion.level=fc2."
         )
+    return classifier.fusion.head
 
 
 def _score_layer(classifier: SurfaceClassifier, name: str) -> ScoreLayer:
@@ -166,21 +169,6 @@ def _score_layer(classifier: SurfaceClassifier, name: str) -> ScoreLayer:
     return layer
 
 
-def _unused_layers(classifier: SurfaceClassifier) -> list[ScoreLayer]:
-    """Return score layers that networks keep although a fusion of features does without them.
-
-    This package's have lost theirs.
-    """
-    names = [name for name in classifier.card.sense_names if classifier.level(name) == "fc2"]
-    kept = [name for name in names if not hasattr(classifier.senses[name].network, "head")]
-    return [_score_layer(classifier, name) for name in kept]
-
-
-def _values(layer: ScoreLayer) -> tuple[Tensor, Tensor]:
-    """Return weight and bias of a layer that has both."""
-    return layer.weight.detach(), cast(Tensor, layer.bias).detach()
-
-
 def _with_classes(
     classifier: SurfaceClassifier, name: str, features: Fragments
 ) -> FeatureStatistics:
@@ -190,37 +178,12 @@ def _with_classes(
     return known.with_classes(torch.stack(means), counts)
 
 
-def _fusion_rows(
-    fusion: FusionLayer,
-    statistics: Mapping[str, FeatureStatistics],
-    features: Mapping[str, Fragments],
-    temperature: float,
-) -> tuple[Tensor, Tensor]:
-    """Return rows and biases of the head of a fusion: each sense has its columns, fitted apart.
-
-    The sum then knows what all senses say, and a part of the senses is right by itself. The only
-    bias is in the partial logits of the last sense; the new classes have the mean of the old ones',
-    which leaves nothing to it that the other senses would lack.
-    """
-    weight, whole = _values(fusion.head)
-    blocks = torch.split(weight, fusion.sizes, dim=1)
-    last, rows, mean = [*statistics][-1], [], float(whole.mean())
-    for (name, known), block in zip(statistics.items(), blocks, strict=True):
-        bias = whole if name == last else torch.zeros_like(whole)
-        new, biases = fit_new_class_weights(
-            known, block, bias, features[name],
-            temperature=temperature, new_bias=mean if name == last else 0.0,
-        )  # fmt: skip
-        rows.append(new)
-    return torch.cat(rows, dim=1), biases
-
-
 def _with_rows(
-    classifier: SurfaceClassifier, layer: ScoreLayer, rows: Tensor, biases: Tensor
+    classifier: SurfaceClassifier, layer: nn.Module, rows: Tensor, biases: Tensor
 ) -> dict[str, Tensor]:
     """Return weight and bias of a layer with more rows, as the classifier's state names them."""
-    weight, bias = _values(layer)
     (name,) = (name for name, module in classifier.named_modules() if module is layer)
+    weight, bias = (classifier.state_dict()[f"{name}.{part}"] for part in ("weight", "bias"))
     return {
         f"{name}.weight": torch.cat([weight, rows.reshape(len(rows), *weight.shape[1:])]),
         f"{name}.bias": torch.cat([bias, biases]),
@@ -228,25 +191,21 @@ def _with_rows(
 
 
 def _rebuilt(
-    classifier: SurfaceClassifier,
-    classes: Sequence[str],
-    changed: Mapping[str, Tensor],
-    statistics: Mapping[str, FeatureStatistics],
+    card: Card, state: Mapping[str, Tensor], statistics: Mapping[str, FeatureStatistics]
 ) -> SurfaceClassifier:
     """Return the classifier with other classes.
 
     Raises:
         UserError: If something else in the network depends on their number.
     """
-    extended = SurfaceClassifier(replace(classifier.card, classes=list(classes)))
-    state = {**classifier.state_dict(), **changed}
+    extended = SurfaceClassifier(card)
     kept = {name: value for name, value in state.items() if not name.startswith(STATISTICS)}
     try:
         extended.load_state_dict(kept)
     except RuntimeError as error:
         raise UserError(
-            f"More of the {classifier.card.title} than its score layers depends on the classes; "
-            "train it anew with all recordings."
+            f"More of the {card.title} than its score layers depends on the classes; train it "
+            "anew with all recordings."
         ) from error
     extended.statistics = nn.ModuleDict(statistics)
     return extended.eval()

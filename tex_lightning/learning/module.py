@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from torch.optim.lr_scheduler import LRScheduler, ReduceLROnPlateau
 from torchmetrics.classification import MulticlassAccuracy
 
-from tex_lightning.classifier.card import LEFT_OUT, Card
+from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config.instantiation import build, call
 from tex_lightning.config.model import FUSION
@@ -60,9 +60,6 @@ class SurfaceModule(LightningModule):
         self.fit_config, self.seed, self.pieces = fit, seed, pieces
         node, key = fit.get("augmentation"), f"model.{self.kind}.fit.augmentation"
         self.augmentation: Any = None if node is None else build(key, node)
-        self.fit_seconds = 0.0
-        self.val_loss: float | None = None
-        self.left_out: dict[str, list[float]] = {}
         classes = len(card.classes)
         self.train_accuracy = accuracy(classes)
         self.fragment_accuracy, self.vote_accuracy = accuracy(classes), accuracy(classes)
@@ -221,16 +218,6 @@ class SurfaceModule(LightningModule):
             "optimizer": optimizer,
             "lr_scheduler": {"scheduler": scheduler, "interval": "step"},
         }
-
-    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Keep the cost of the weights beside them, and the validation loss that chose them.
-
-        With them by sense the novelties of training recordings that its features do not know: no
-        layer before the scores was trained, and each was left out of the statistics.
-        """
-        checkpoint["fit_seconds"] = self.fit_seconds
-        checkpoint["val_loss"] = self.val_loss
-        checkpoint[LEFT_OUT] = self.left_out
 
 
 def start_fusion(

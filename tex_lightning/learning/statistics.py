@@ -94,7 +94,6 @@ def position_features(
 
 def complete_card(
     classifier: SurfaceClassifier,
-    left_out: Mapping[str, Sequence[float]],
     parts: Split,
     store: Store,
     decision: DecisionConfig,
@@ -111,7 +110,6 @@ def complete_card(
 
     Args:
         classifier: Trained, on the CPU, where it is left.
-        left_out: By sense novelties of training recordings, see :class:`.Trained`.
         parts: Recordings by part.
         store: Decoded files.
         decision: How it decides.
@@ -120,6 +118,7 @@ def complete_card(
     """
     classifier.to(device)
     samples = make_samples(parts.val, classifier.card.modalities)
+    left_out: dict[str, list[float]] = classifier.card.training["left_out"]
     fitted = any(left_out.values()) and fits_probabilities(classifier)
     card = calibrated_card(classifier, samples, store, decision, engine, fitted=fitted)
     if classifier.statistics and not card.novelties:

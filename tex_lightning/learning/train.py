@@ -7,7 +7,7 @@ import shutil
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import cast
 
@@ -19,7 +19,7 @@ from lightning.pytorch.loggers import Logger
 from lightning.pytorch.trainer.states import TrainerStatus
 
 from tex_lightning.classifier.card import Card
-from tex_lightning.classifier.classifier import Trained, read_trained
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, ModelConfig
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import write_bytes
@@ -54,10 +54,10 @@ def train_network(
     parts: Split,
     store: Store,
     directory: Path,
-    unimodal: Mapping[str, Trained],
+    unimodal: Mapping[str, SurfaceClassifier],
     loggers: Sequence[Logger] = (),
     *watchers: Callback,
-) -> Trained:
+) -> SurfaceClassifier:
     """Train, calibrate and write the checkpoint, unless it is there already.
 
     Args:
@@ -79,7 +79,7 @@ def train_network(
     if final.is_file():
         log.info("%s is trained already.", final)
         shutil.rmtree(working, ignore_errors=True)  # if it was killed before it did so
-        return read_trained(final, card.kind)
+        return SurfaceClassifier.from_checkpoint(final, card.kind)
     begin, last = time.perf_counter(), working / "last.ckpt"
     device = pick_device(config.trainer.accelerator)
     torch.manual_seed(config.seed)
@@ -98,20 +98,18 @@ def train_network(
             config.trainer, callbacks, loggers, fit, working, validated=bool(validation)
         )
         _fit(trainer, module, data, last if resumed else None)
-        _take_best(module, keeper)
-        module.fit_seconds = preparation + timer.time_elapsed("train")
+        loss = _take_best(module, keeper)
         if trainer.is_global_zero:
-            _keep_statistics(module, parts, store, unimodal, device)
-            classifier = module.classifier
-            complete_card(
-                classifier, module.left_out, parts, store, config.decision, config.engine, device
-            )
-            module.hparams["card"] = classifier.card.to_dict()
+            seconds = preparation + timer.time_elapsed("train")
+            left_out, more = _keep_statistics(module, parts, store, unimodal, device)
+            training = {"fit_seconds": seconds + more, "val_loss": loss, "left_out": left_out}
+            module.classifier.card = replace(card, training=training)
+            complete_card(module.classifier, parts, store, config.decision, config.engine, device)
+            module.hparams["card"] = module.classifier.card.to_dict()
         trainer.save_checkpoint(final, weights_only=True)
         if trainer.is_global_zero:  # what a resumption would need goes
             shutil.rmtree(working, ignore_errors=True)
-    seconds, loss = module.fit_seconds, module.val_loss
-    return Trained(module.classifier, final, seconds, loss, module.left_out)
+    return module.classifier
 
 
 def make_module(model: ModelConfig, card: Card, seed: int) -> SurfaceModule:
@@ -125,7 +123,7 @@ def _make_batches(
     module: SurfaceModule,
     parts: Split,
     store: Store,
-    unimodal: Mapping[str, Trained],
+    unimodal: Mapping[str, SurfaceClassifier],
     device: torch.device,
 ) -> TrainingBatches:
     """Make the batches that are cut from the recordings of every sense.
@@ -133,8 +131,7 @@ def _make_batches(
     A FusionNet gets the weights of its networks before, whose features have learnt already.
     """
     if unimodal:
-        starts = {name: start.classifier for name, start in unimodal.items()}
-        start_fusion(module, starts, model.fusion.head_start)
+        start_fusion(module, unimodal, model.fusion.head_start)
     fit, seed, classifier, banks = module.fit_config, module.seed, module.classifier, {}
     for name, sense in classifier.senses.items():
         sense.features.to(device)
@@ -178,12 +175,13 @@ def _fit(trainer: Trainer, module: SurfaceModule, data: SurfaceData, last: Path 
         raise KeyboardInterrupt
 
 
-def _take_best(module: SurfaceModule, keeper: ModelCheckpoint | None) -> None:
-    """Load the weights of the best validation loss, where it was computed.
+def _take_best(module: SurfaceModule, keeper: ModelCheckpoint | None) -> float | None:
+    """Load the weights of the best validation loss, where it was computed, and return it.
 
     Raises:
         UserError: If the weights are NaN or infinite.
     """
+    loss = None
     if keeper is not None and keeper.best_model_path:  # there is none of no epoch
         best = torch.load(keeper.best_model_path, map_location="cpu", weights_only=True)
         if not _is_finite(module):
@@ -193,13 +191,14 @@ def _take_best(module: SurfaceModule, keeper: ModelCheckpoint | None) -> None:
                 module.kind, best["epoch"] + 1, module.kind,
             )  # fmt: skip
         module.load_state_dict(best["state_dict"])
-        module.val_loss = float(cast(torch.Tensor, keeper.best_model_score))
+        loss = float(cast(torch.Tensor, keeper.best_model_score))
     if not _is_finite(module):
         raise UserError(
             f"Training of the {module.kind} network diverged, its weights are NaN or infinite; "
             f"lower model.{module.kind}.fit.learning_rate."
         )
     module.float()  # whatever it was trained in
+    return loss
 
 
 def _is_finite(module: SurfaceModule) -> bool:
@@ -210,19 +209,25 @@ def _keep_statistics(
     module: SurfaceModule,
     parts: Split,
     store: Store,
-    unimodal: Mapping[str, Trained],
+    unimodal: Mapping[str, SurfaceClassifier],
     device: torch.device,
-) -> None:
-    """Add statistics of the features; the time that they take counts for the training."""
+) -> tuple[dict[str, list[float]], float]:
+    """Add statistics of the features.
+
+    Returns:
+        ``left_out`` of the card's training, and the seconds that it took.
+    """
     begin, classifier = time.perf_counter(), module.classifier
     classifier.to(device)
     left_out = keep_statistics(classifier, parts.train, store)
-    if module.fit_config["epochs"] == 0 and all(start.left_out for start in unimodal.values()):
-        module.left_out = left_out  # no layer before the scores was fitted to the labels
+    fixed = all(start.card.training["left_out"] for start in unimodal.values())
+    if module.fit_config["epochs"] or not fixed:  # layers before the scores know the recordings
+        left_out = {}
     classifier.cpu()
-    module.fit_seconds += time.perf_counter() - begin
+    seconds = time.perf_counter() - begin
     for part in classifier.trained_modules():
         part.to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]  # no stub
+    return left_out, seconds
 
 
 def train_once(
@@ -231,10 +236,10 @@ def train_once(
     parts: Split,
     store: Store,
     directory: Path,
-    unimodal: Mapping[str, Trained],
+    unimodal: Mapping[str, SurfaceClassifier],
     loggers: Sequence[Logger],
     folder: Path,
-) -> Trained:
+) -> SurfaceClassifier:
     """Train in a folder of the family unless it was trained there, and copy the checkpoint.
 
     Weights depend on the seed, the card (with the recordings they see), the recipe and the start,
@@ -252,10 +257,9 @@ def train_once(
         }
         if unimodal:
             recipe["model"] = asdict(config.model)
-            starts = [start.checkpoint.read_bytes() for start in unimodal.values()]
-            recipe["starts"] = [hashlib.sha256(start).hexdigest() for start in starts]
+            recipe["starts"] = [start.card.to_dict() for start in unimodal.values()]
         digest = hashlib.sha256(json.dumps(recipe, sort_keys=True).encode()).hexdigest()[:16]
         home = folder / f"{card.kind}-{digest}"
-        trained = train_network(config, card, parts, store, home, unimodal, loggers)
-        write_bytes(final, trained.checkpoint.read_bytes())
-    return read_trained(final)
+        train_network(config, card, parts, store, home, unimodal, loggers)
+        write_bytes(final, checkpoint_of(home, card.kind).read_bytes())
+    return SurfaceClassifier.from_checkpoint(final)

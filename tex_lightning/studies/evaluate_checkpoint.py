@@ -6,7 +6,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from tex_lightning.classifier.classifier import SurfaceClassifier, Trained
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.core.devices import pick_device
 from tex_lightning.data.folds import Sample
@@ -53,7 +53,8 @@ def results_frame(
 
 
 def report_network(
-    trained: Trained,
+    classifier: SurfaceClassifier,
+    checkpoint: Path,
     samples: Sequence[Sample],
     store: Store,
     directory: Path,
@@ -63,7 +64,8 @@ def report_network(
     """Test a network as prediction runs it; write its predictions into the run folder.
 
     Args:
-        trained: The network, on its device.
+        classifier: The network, on its device.
+        checkpoint: Its file.
         samples: What is tested, at least one.
         store: Their recordings.
         directory: The run folder.
@@ -73,7 +75,6 @@ def report_network(
     Returns:
         Its entry of ``results.json``, and what became of each sample.
     """
-    classifier = trained.classifier
     kind = classifier.card.kind
     warn_of_few(classifier.card.deciding(config.decision))
     decider = make_inference_model(classifier, config.engine, config.decision)
@@ -87,9 +88,9 @@ def report_network(
         "parameters": classifier.count_parameters(),
         # None for a baseline whose arithmetic is outside PyTorch and not counted
         "macs_per_sample": count_macs(lambda: classifier.logits(**recordings)) or None,
-        "fit_seconds": trained.fit_seconds,
-        "val_loss": trained.val_loss,  # None where nothing was validated
-        "checkpoint": str(trained.checkpoint.resolve()),
+        "fit_seconds": classifier.card.training.get("fit_seconds", 0.0),
+        "val_loss": classifier.card.training.get("val_loss"),
+        "checkpoint": str(checkpoint.resolve()),
         **report_unknown(decider, unknown, store, directory, outcomes, fold),
     }
     return entry, outcomes

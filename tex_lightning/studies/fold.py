@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from lightning.pytorch.loggers import Logger
 
-from tex_lightning.baselines.classifier import BaselineClassifier, Loaded, as_part, load_trained
+from tex_lightning.baselines.classifier import BaselineClassifier, Loaded, as_part, load_classifier
 from tex_lightning.classifier.card import LABEL, Card, configured_card
-from tex_lightning.classifier.classifier import Trained, read_trained
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, DataConfig, plain_values
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.console import log_once
@@ -48,7 +48,7 @@ log = logging.getLogger(__name__)
 
 def fit_baseline(
     config: Config, card: Card, parts: Split, store: Store, directory: Path
-) -> Trained:
+) -> BaselineClassifier | SurfaceClassifier:
     """Fit, calibrate and write the checkpoint, unless it is there already.
 
     Args:
@@ -65,7 +65,7 @@ def fit_baseline(
     final, weights = checkpoint_of(directory, card.kind), card.baseline["weights"]
     if final.is_file():
         log.info("%s is fitted already.", final)
-        return load_trained(final)
+        return load_classifier(final)
     rows = parts.train.of(card.modalities[0]).rows
     labels = np.array(class_indices([row.label for row in rows], card.classes))
     classifier = BaselineClassifier(card)
@@ -82,9 +82,10 @@ def fit_baseline(
     seconds = time.perf_counter() - begin
     try_baseline(classifier, [load_recording(row, store) for row in rows[:2]])
     validation = make_samples(parts.val, card.modalities)
-    classifier.card = calibrated_card(classifier, validation, store, config.decision, config.engine)
-    classifier.save(final, seconds)
-    return Trained(classifier, final, seconds)
+    card = calibrated_card(classifier, validation, store, config.decision, config.engine)
+    classifier.card = replace(card, training={"fit_seconds": seconds})
+    classifier.save(final)
+    return classifier
 
 
 def open_training(config: Config, directory: Path) -> Dataset:
@@ -196,25 +197,22 @@ def fit_fold(
         loggers = open_loggers(config.logger, directory, name)
         inputs = config, card, parts, store, directory, starts, loggers
         if card.baseline:
-            trained = fit_baseline(*inputs[:5])
+            classifier = fit_baseline(*inputs[:5])
         elif networks_in is not None:
-            trained = train_once(*inputs, networks_in)
+            classifier = train_once(*inputs, networks_in)
         else:
-            trained = train_network(*inputs)
+            classifier = train_network(*inputs)
         if not whole:
-            unimodal[name] = trained
-        networks[name] = {
-            "checkpoint": str(trained.checkpoint),
-            "fit_seconds": trained.fit_seconds,
-        }
+            unimodal[name] = classifier
+        networks[name] = {"fit_seconds": classifier.card.training.get("fit_seconds")}
         if is_rank_zero() and (whole or test_parts):  # it alone tests and writes
             networks[name] = _test_network(
-                config, dataset, parts.test, directory, trained, loggers, draw=draw
+                config, dataset, parts.test, directory, classifier, loggers, draw=draw
             )
     return networks
 
 
-def given_start(path: Path, card: Card, test: Recordings, data: DataConfig) -> Trained:
+def given_start(path: Path, card: Card, test: Recordings, data: DataConfig) -> SurfaceClassifier:
     """Read a unimodal checkpoint, if FusionNet may start from it.
 
     Args:
@@ -227,8 +225,8 @@ def given_start(path: Path, card: Card, test: Recordings, data: DataConfig) -> T
         UserError: If it is no such network, classes or decoding differ, or it has seen the fold
             that this run tests.
     """
-    start = read_trained(path, card.kind)
-    theirs = start.classifier.card
+    start = SurfaceClassifier.from_checkpoint(path, card.kind)
+    theirs = start.card
     if theirs.classes != card.classes:
         raise UserError(
             f"Checkpoint {path} knows {len(theirs.classes)} classes that are not the "
@@ -246,7 +244,11 @@ def given_start(path: Path, card: Card, test: Recordings, data: DataConfig) -> T
 
 
 def complete_recipe(
-    config: Config, card: Card, parts: Split, store: Store, unimodal: Mapping[str, Trained]
+    config: Config,
+    card: Card,
+    parts: Split,
+    store: Store,
+    unimodal: Mapping[str, SurfaceClassifier],
 ) -> Card:
     """Add to the card of a network to train what its data say, and what it starts from.
 
@@ -260,9 +262,9 @@ def complete_recipe(
     Raises:
         UserError: If its trunk cannot be used or has seen what is to be tested.
     """
-    rows, starts = parts.train, [start.classifier.card for start in unimodal.values()]
+    rows, starts = parts.train, [start.card for start in unimodal.values()]
     ranges = {name: training_ranges(rows.of(name), store) for name in card.modalities}
-    branches = {name: start.classifier.card.senses[name] for name, start in unimodal.items()}
+    branches = {name: start.card.senses[name] for name, start in unimodal.items()}
     card = replace(card, input_ranges=ranges, senses={**card.senses, **branches})
     source = None if card.baseline or starts else config.sources.get(card.kind)
     if source is not None and (start := starting_classifier(source, card)) is not None:
@@ -277,18 +279,21 @@ def _test_network(
     dataset: Dataset,
     test: Recordings,
     directory: Path,
-    trained: Trained,
+    classifier: SurfaceClassifier,
     loggers: Sequence[Logger],
     *,
     draw: bool,
 ) -> dict[str, Any]:
     """Test a trained network; return its entry of ``results.json``."""
-    classifier, store = trained.classifier, dataset.store
+    store = dataset.store
     classifier.to(pick_device(config.trainer.accelerator))
     kind, modalities = classifier.card.kind, classifier.card.modalities
     samples = make_samples(test, modalities)
     unknown = make_samples(split(dataset.unknown, config.data).test, modalities)
-    result, outcomes = report_network(trained, samples, store, directory, config, unknown)
+    checkpoint = checkpoint_of(directory, kind)
+    result, outcomes = report_network(
+        classifier, checkpoint, samples, store, directory, config, unknown
+    )
     if draw:
         draw_figures(outcomes, dataset.classes, kind, directory)
     if draw and kind == config.model.kind:

@@ -13,7 +13,7 @@ from tex_lightning.core.devices import pick_device
 from tex_lightning.errors import UserError, listed
 from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.studies.dataset import show_opening
-from tex_lightning.studies.enrolment import enroll, open_new_classes, write_checkpoint
+from tex_lightning.studies.enrolment import enroll, open_new_classes
 from tex_lightning.studies.evaluate_checkpoint import results_frame
 
 
@@ -29,13 +29,13 @@ def run(config: Config, job: Job) -> dict[str, Any]:
             f"Checkpoint {source} holds {classifier.card.title}, and task=enroll adds classes to "
             "this package's networks; train it anew with all recordings."
         )
-    dataset = open_new_classes(config, classifier)
+    dataset = open_new_classes(config.data, classifier)
     show_opening(config.data, dataset, f"{', '.join(dataset.classes)} for {source}")
     classifier.to(pick_device(config.trainer.accelerator))
-    classifier = enroll(classifier, dataset.recordings, dataset.store)
+    classifier = enroll(classifier, dataset)
     seconds, card = time.perf_counter() - begin, classifier.card
     target = job.directory / "checkpoints" / f"{card.kind}.ckpt"
-    write_checkpoint(classifier, source, target, seconds)
+    classifier.save(target)
     counts = Counter((row.label, row.modality) for row in dataset.recordings)
     entry = {
         "added": {

@@ -4,7 +4,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.baselines.classifier import load_trained
+from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config, plain_values
 from tex_lightning.config.composition import Job
 from tex_lightning.core.devices import pick_device
@@ -29,8 +29,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     ``data.file_rate`` belongs to the files themselves and is taken from it if it is given.
     """
     begin, directory = time.perf_counter(), job.directory
-    trained = load_trained(Path(str(config.checkpoint)).expanduser())
-    classifier = trained.classifier
+    checkpoint = Path(str(config.checkpoint)).expanduser()
+    classifier = load_classifier(checkpoint)
     classifier.to(pick_device(config.trainer.accelerator))
     card = classifier.card
     check_unknown(card.deciding(config.decision), bool(classifier.statistics))
@@ -38,7 +38,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     show_opening(config.data, dataset, str(config.checkpoint), trains=False)
     store, samples = dataset.store, make_samples(dataset.recordings, card.modalities)
     unknown = make_samples(dataset.unknown, card.modalities)
-    network, outcomes = report_network(trained, samples, store, directory, config, unknown)
+    network, outcomes = report_network(
+        classifier, checkpoint, samples, store, directory, config, unknown
+    )
     draw_figures(outcomes, card.classes, card.kind, directory)
     draw_worst(classifier, samples, outcomes, store, config, directory)
     values = plain_values(config)
