@@ -8,7 +8,6 @@ from scipy.stats import binom
 
 from tex_lightning.evaluation.comparison import (
     MIN_SAMPLES,
-    Candidate,
     correct_shares,
     mcnemar,
     one_standard_error,
@@ -30,26 +29,24 @@ def test_p_value_is_twice_the_binomial_tail():
     assert mcnemar(marks("+-+"), marks("+-+")) == (0, 0, 1.0)
 
 
-def candidate(name: str, cost: float, votes: str) -> Candidate:
-    """Votes on numbered samples, + where they are correct."""
-    return Candidate(name, cost, {(0, str(i)): mark for i, mark in enumerate(marks(votes))})
+def choose(**votes: str) -> str:
+    """The choice among a best system and a small, faster one; + where they are correct."""
+    shares = {name: {(0, str(i)): x for i, x in enumerate(marks(v))} for name, v in votes.items()}
+    return one_standard_error({"best": 10, "small": 1}, shares)
 
 
 @pytest.mark.parametrize("n", [1, MIN_SAMPLES - 1, MIN_SAMPLES, 500])
 def test_one_error_more_suffices_only_where_there_are_many_samples(n):
     """One discordant sample of n: the mean difference is 1/n and so is its standard error."""
-    best, small = candidate("best", 10, "+" * n), candidate("small", 1, "+" * (n - 1) + "-")
     expected = "small" if n >= MIN_SAMPLES else "best"
-    assert one_standard_error([best, small]).name == expected
+    assert choose(best="+" * n, small="+" * (n - 1) + "-") == expected
 
 
 def test_pairing_counts_only_what_differs():
     """Equal accuracies of 1/2 on the same samples leave no doubt that one extra error matters."""
-    best = candidate("best", 10, "+" * 30 + "-" * 30)
-    worse = candidate("worse", 1, "+" * 20 + "-" * 40)
     differences = np.array([1] * 10 + [0] * 50)
     assert differences.mean() > differences.std(ddof=1) / np.sqrt(60)
-    assert one_standard_error([best, worse]).name == "best"
+    assert choose(best="+" * 30 + "-" * 30, small="+" * 20 + "-" * 40) == "best"
 
 
 @given(

@@ -34,16 +34,16 @@ def test_the_trunk_is_taken_and_the_head_is_not(kind, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("kind", "changes", "message"),
+    ("kind", "changes"),
     [
-        ("haptic", {"width": 0.2}, "set model.haptic.width=0.2 as it was trained"),
-        ("visual", {"norm": "lrn", "width": 0.2}, "set model.visual.width=0.2 model.visual.norm=l"),
-        ("visual", {"trunk": trunk_node("alexnet_caffe")}, "set model.visual.trunk=.*CaffeAlexNet"),
+        ("haptic", {"width": 0.2}),
+        ("visual", {"norm": "lrn"}),
+        ("visual", {"trunk": trunk_node("alexnet_caffe")}),
     ],
 )
-def test_another_trunk_is_refused_with_what_to_set(kind, changes, message, tmp_path):
+def test_another_trunk_is_refused(kind, changes, tmp_path):
     path = str(save_classifier(classifier(kind, 3, **changes), tmp_path / "a.ckpt"))
-    with pytest.raises(UserError, match=message):
+    with pytest.raises(UserError, match=f"a.ckpt is another; give model.{kind} the keys"):
         start_trunk(classifier(kind, 3), path)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
+from tex_lightning import baselines
 from tex_lightning.config.check import check_config
 from tex_lightning.config.composition import Job, read_config
 from tex_lightning.errors import UserError
@@ -144,6 +145,7 @@ def make_job(tmp_path, *overrides: str) -> Job:
 )
 def test_what_cannot_be_meant_is_refused(overrides, message, tmp_path, monkeypatch):
     monkeypatch.delitem(sys.modules, "tex_lightning.baselines.rocket", raising=False)
+    monkeypatch.delattr(baselines, "rocket", raising=False)
     monkeypatch.setitem(sys.modules, "aeon.transformations.collection.convolution_based", None)
     job = make_job(tmp_path, "task=frontier", *overrides)
     with pytest.raises(UserError, match=message):

@@ -10,11 +10,10 @@ from torch import Tensor, nn
 from tex_lightning.classifier.card import Card, read_checkpoint, reading
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config.instantiation import (
-    INSTALL,
+    OWN,
     TARGET,
     make,
     make_value,
-    missing_library,
     trusted_class,
 )
 from tex_lightning.core.contract import breach, calling, describe
@@ -47,9 +46,15 @@ def make_baseline(name: str, node: Mapping[str, Any], budget: float) -> "Baselin
     Raises:
         UserError: If a library is missing, or a key is unknown or of the wrong type.
     """
-    if (library := missing_library(node)) is not None:
-        raise UserError(f"model={name} needs {library}, which is not installed; run: {INSTALL}")
-    baseline = make(WHERE, node)
+    try:
+        baseline = make(WHERE, node)
+    except ModuleNotFoundError as error:
+        if not node[TARGET].startswith(OWN):  # whose author reads the traceback
+            raise
+        raise UserError(
+            f"model={name} needs {error.name}, which is not installed; run: "
+            "pip install 'tex_lightning[baselines]'"
+        ) from error
     from tex_lightning.baselines.base import Baseline
 
     if not isinstance(baseline, Baseline):

@@ -39,10 +39,6 @@ READ_BY = {
     "data.test_where": ("fit", "evaluate", "stability"),
 }
 NOT_SEQUENTIAL = ("profile", "stability", "stream")
-SET_HERE = (  # flags of the Trainer
-    "callbacks", "default_root_dir", "fast_dev_run", "logger", "max_epochs", "plugins",
-    "use_distributed_sampler",
-)  # fmt: skip
 Rule = tuple[bool, str]  # whether something is wrong, and the complaint
 
 
@@ -94,8 +90,6 @@ def _model_rules(config: Config) -> Iterator[Rule]:
         devices != "auto" and not isinstance(devices, int),
         f"trainer.devices is {shorten(repr(devices))}: give a number or auto",
     )
-    for name in config.trainer.flags:
-        yield name in SET_HERE, f"trainer.{name} is set by this package: leave it out"
 
 
 def _data_rules(config: Config) -> Iterator[Rule]:
@@ -117,22 +111,10 @@ def _data_rules(config: Config) -> Iterator[Rule]:
         f"data.val_fold and data.test_fold are both {data.val_fold}: choose different folds",
     )
     yield (
-        data.test_where is not None and not _are_conditions(data.test_where),
+        data.test_where is not None and not (data.test_where and type(data.test_where) is dict),
         f"data.test_where is {shorten(data.test_where)}: give names and values of conditions, as "
         "in {speed: 60} or {speed: [50, 60], light: lamp}",
     )
-    yield (
-        data.test_where is not None and data.inverted,
-        "data.inverted tests all folds but one and data.test_where some conditions: give one",
-    )
-
-
-def _are_conditions(where: object) -> bool:
-    if not isinstance(where, dict) or not where:
-        return False
-    lists = [value if isinstance(value, list) else [value] for value in where.values()]
-    plain = (not isinstance(value, dict | list | None) for values in lists for value in values)
-    return all(lists) and all(plain)
 
 
 def _decision_rules(config: Config) -> Iterator[Rule]:
@@ -253,15 +235,11 @@ def check_shares(config: Config, processes: int) -> None:
     Raises:
         UserError: Naming the batch sizes.
     """
-    complaints: list[str] = []
-    for kind in config.model.trained if processes > 1 else ():
-        section = getattr(config.model, kind)
-        size = section.fit.batch_size
-        # the statistics of one sample at one position are no statistics
-        least = processes * (2 if getattr(section, "norm", None) == "batch" else 1)
-        if size % processes or size < least:
-            complaints.append(
-                f"model.{kind}.fit.batch_size is {size}, but {processes} processes share every "
-                f"batch: choose a multiple of {processes}, {least} or more"
-            )
+    sizes = {kind: getattr(config.model, kind).fit.batch_size for kind in config.model.trained}
+    complaints = [
+        f"model.{kind}.fit.batch_size is {size}, but {processes} processes share every batch: "
+        f"choose a multiple of {processes}"
+        for kind, size in sizes.items()
+        if size % processes
+    ]
     _refuse(complaints)

@@ -5,7 +5,6 @@ it names is looked up among those that are trusted before anything of its packag
 because importing a module runs its code, and is called with plain values (:func:`make`).
 """
 
-import importlib
 import inspect
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import is_dataclass
@@ -23,7 +22,6 @@ from tex_lightning.errors import UserError, listed, shorten
 TARGET = "_target_"
 HYDRAS = (TARGET, "_args_", "_partial_", "_recursive_", "_convert_")  # keys that are no arguments
 OWN = "tex_lightning."
-INSTALL = "pip install 'tex_lightning[baselines]'"
 
 
 def build(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: ANN401
@@ -98,17 +96,6 @@ def find_callable(where: str, node: Mapping[str, Any]) -> Callable[..., Any]:
         raise UserError(f"{where} names {node[TARGET]}, which is no class or function; name one.")
     named: Callable[..., Any] = found
     return named
-
-
-def missing_library(node: Mapping[str, Any]) -> str | None:
-    """The library that a class of this package needs and that is not installed, or None."""
-    target = str(node.get(TARGET))
-    if target.startswith(OWN):
-        try:
-            importlib.import_module(target.rpartition(".")[0])
-        except ModuleNotFoundError as error:
-            return error.name
-    return None
 
 
 def call(where: str, made: Any, *arguments: object) -> Any:  # noqa: ANN401

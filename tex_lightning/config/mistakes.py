@@ -16,7 +16,6 @@ from tex_lightning.errors import UserError, shorten
 
 MISTAKES = (HydraException, OmegaConfBaseException, YAMLError)  # the last of a user's own files
 KEY = re.compile(r"Could not (?:override|append to config|delete).*?'([^'=]+)")
-LAUNCHERS = "hydra/launcher"
 MANY = 4  # keys that a wrong one may stand for
 NOISE = ("full_key:", "object_type=", "reference_type=", "See https:", "Set the environment", "To ")
 
@@ -32,10 +31,9 @@ def explain(error: Exception) -> UserError:
     group, _, option = str(getattr(error, "missing_cfg_file", "")).rpartition("/")
     if isinstance(error, MissingConfigException) and group:
         options = error.options or [file.stem for file in (CONF / group).glob("*.yaml")]
-        more = ', or install what brings it (pip install ".[parallel]")' * (group == LAUNCHERS)
         return UserError(
             f"{group}={shorten(option)} does not exist{nearest(option, options)}; "
-            f"choose one of {', '.join(sorted(options))}{more}."
+            f"choose one of {', '.join(sorted(options))}."
         )
     match, root = KEY.search(str(error)), getattr(error.__cause__, "parent_node", None)
     if match and root is not None and not str(error.__cause__).startswith("Value "):

@@ -9,7 +9,6 @@ from tex_lightning import __version__
 from tex_lightning.config import CONF, TASKS, Config
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.keys import typed, walk
-from tex_lightning.config.model import FUSION, PACKAGE_SENSES
 from tex_lightning.config.search import user_folders
 
 WIDTH = 79
@@ -39,8 +38,7 @@ Tasks:
 {tasks}
 
 More to read:
-  task=NAME --help   keys without those of other tasks: meaning, range, value
-  --help=all         all groups with their options, and all keys
+  --help=all         all groups with their options, and all keys: meaning, range, value
   --cfg job          the configuration that a command line composes
   --hydra-help       flags of Hydra; --version is that of tex_lightning
 Results land in hydra.run.dir: results.json, checkpoints, figures, metrics.csv
@@ -66,16 +64,7 @@ def answer(arguments: Sequence[str]) -> str:
     overrides = [item for item in arguments if "=" in item and not item.startswith("-")]
     if not any(item.startswith((ALL, "task=")) for item in arguments):
         return COMMANDS.format(tasks="\n".join(_tasks()))
-    config = compose_config(overrides)
-    return _listing(config, () if ALL in arguments else _unread(config))
-
-
-def _unread(config: DictConfig) -> tuple[str, ...]:
-    """Return the sections of other tasks and models, as beginnings of keys."""
-    senses = () if config.model.baseline else config.model.senses
-    models = {*PACKAGE_SENSES, FUSION}.difference(senses, [FUSION] * (len(senses) > 1))
-    others = {*TASKS}.difference([config.task])
-    return tuple(f"{section}." for section in (*others, *(f"model.{name}" for name in models)))
+    return _listing(compose_config(overrides))
 
 
 def _tasks() -> Iterator[str]:
@@ -100,7 +89,7 @@ def config_groups() -> dict[str, list[str]]:
     return groups
 
 
-def _listing(config: DictConfig, unread: tuple[str, ...]) -> str:
+def _listing(config: DictConfig) -> str:
     """Groups and keys with their values, sections apart."""
     lines = ["Groups and their options (group=option):", ""]
     for group, options in config_groups().items():
@@ -108,8 +97,6 @@ def _listing(config: DictConfig, unread: tuple[str, ...]) -> str:
     lines += ["", "Keys and their values (change any by key=value):"]
     before, values = None, OmegaConf.to_container(config, resolve=False)
     for name, key in walk(Config):
-        if name.startswith(unread):
-            continue
         section = name.rpartition(".")[0]
         lines += [""] * (section != before)
         before = section

@@ -2,7 +2,6 @@
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from statistics import fmean
 
 import numpy as np
@@ -31,29 +30,11 @@ ROUNDING = 1e-9  # a single vote of difference is one standard error exactly, bu
 MIN_SAMPLES = 50  # of fewer, the one vote that a standard error allows is more than 2 % of them
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """A system to choose, as its votes show it.
-
-    Attributes:
-        name: The system's.
-        cost: What it costs, in any unit; smaller is better.
-        correct: Whether each vote is correct, by fold and sample; of samples that share a recording
-            the share of correct ones, by fold and recording.
-    """
-
-    name: str
-    cost: float
-    correct: Mapping[tuple[int, str], float]
-
-    @property
-    def accuracy(self) -> float:
-        """Share of correct votes."""
-        return float(np.mean(list(self.correct.values())))
+Votes = Mapping[tuple[int, str], float]  # share of correct ones, by fold and sample or recording
 
 
-def one_standard_error(candidates: Sequence[Candidate]) -> Candidate:
-    """The cheapest candidate whose accuracy is within one standard error of the best one's.
+def one_standard_error(costs: Mapping[str, float], votes: Mapping[str, Votes]) -> str:
+    """Choose the cheapest system whose accuracy is within one standard error of the best one's.
 
     The standard error is that of the mean paired difference over the samples that both classify:
     what both get right or wrong says nothing about which is better. Where several are best, the
@@ -61,22 +42,31 @@ def one_standard_error(candidates: Sequence[Candidate]) -> Candidate:
     trade: there the cheapest of the most accurate is taken.
 
     The accuracy of the choice on the votes that it was made on is optimistic.
+
+    Args:
+        costs: What each system costs, in any unit; smaller is better.
+        votes: Whether each vote of a system is correct; of samples that share a recording the
+            share of correct ones.
+
+    Returns:
+        The name of the system.
     """
-    best = min(candidates, key=lambda item: (-item.accuracy, item.cost))
-    sufficient = [item for item in candidates if _within(best, item)]
-    return min(sufficient, key=lambda item: (item.cost, -item.accuracy))
+    accuracies = {name: float(np.mean(list(votes[name].values()))) for name in costs}
+    best = min(costs, key=lambda name: (-accuracies[name], costs[name]))
+    sufficient = [name for name in costs if _within(votes[best], votes[name])]
+    return min(sufficient, key=lambda name: (costs[name], -accuracies[name]))
 
 
-def _within(best: Candidate, other: Candidate) -> bool:
-    first, second = best.correct, other.correct
-    shared = [key for key in first if key in second]
+def _within(best: Votes, other: Votes) -> bool:
+    """Return whether the accuracy of a system is within one standard error of the best one's."""
+    shared = [key for key in best if key in other]
     if not shared:  # different samples: compare as if independent
-        pooled = [best.accuracy, other.accuracy]
-        counts = [len(first), len(second)]
-        variance = sum(p * (1 - p) / n for p, n in zip(pooled, counts, strict=True))
+        first, second = (np.array(list(votes.values())) for votes in (best, other))
+        means, counts = [first.mean(), second.mean()], [len(first), len(second)]
+        variance = sum(p * (1 - p) / n for p, n in zip(means, counts, strict=True))
         error = np.sqrt(variance) if min(counts) >= MIN_SAMPLES else 0.0
-        return bool(best.accuracy - other.accuracy <= error + ROUNDING)
-    differences = np.array([first[key] - float(second[key]) for key in shared])
+        return bool(means[0] - means[1] <= error + ROUNDING)
+    differences = np.array([best[key] - float(other[key]) for key in shared])
     many = len(shared) >= MIN_SAMPLES
     error = differences.std(ddof=1) / np.sqrt(len(shared)) if many else 0.0
     return bool(differences.mean() <= error + ROUNDING)

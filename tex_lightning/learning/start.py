@@ -13,7 +13,7 @@ import torch
 from threadpoolctl import threadpool_limits
 from torch import Tensor
 
-from tex_lightning.classifier.card import SUFFIX, Card, read_checkpoint
+from tex_lightning.classifier.card import SUFFIX, read_checkpoint
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.console import log_once
@@ -36,9 +36,6 @@ Pixels = npt.NDArray[np.uint8]
 Labels = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
 
-# keys of a branch that its trunk can do without
-HEADS = ("decode", "network", "dropout", "skip_impact", "fc1_kernel", "head")
-
 
 def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
     """Load weights into the trunk of HapticNet or VisualNet; its head stays as it is.
@@ -59,9 +56,15 @@ def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
     trunk: Any = getattr(network, "trunk", None)
     if trunk is None:
         raise UserError(f"weights: {type(network).__name__} has no trunk to fill; leave it null.")
-    start = starting_classifier(source, classifier.card)
+    start = starting_classifier(source, sense)
     if start is not None:
-        trunk.load_state_dict(start.network.get_submodule("trunk").state_dict())
+        try:
+            trunk.load_state_dict(start.network.get_submodule("trunk").state_dict())
+        except RuntimeError as error:
+            raise UserError(
+                f"weights: the trunk in {source} is another; give model.{sense} the keys that it "
+                "was trained with."
+            ) from error
         return f"Trunk from {name_source(source)}."
     if not isinstance(trunk, Trunk):
         raise UserError(
@@ -71,12 +74,8 @@ def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
     return load_trunk_weights(trunk, source)
 
 
-def starting_classifier(source: str, card: Card) -> SurfaceClassifier | None:
-    """Return the classifier in a checkpoint whose trunk can become that of ``card``.
-
-    Args:
-        source: As for :func:`start_trunk`.
-        card: Card of the classifier that is to start from it.
+def starting_classifier(source: str, kind: str) -> SurfaceClassifier | None:
+    """Return the classifier in a checkpoint, from whose trunk a network of that kind can start.
 
     Returns:
         None where ``source`` is no checkpoint of this package but a file with ImageNet's weights.
@@ -85,22 +84,7 @@ def starting_classifier(source: str, card: Card) -> SurfaceClassifier | None:
         UserError: If it is a checkpoint and cannot be used.
     """
     path = Path(source)
-    if path.suffix != SUFFIX:
-        return None
-    start = SurfaceClassifier.from_checkpoint(path, card.kind)
-    ours, theirs = _shape(card), _shape(start.card)
-    other = {key: value for key, value in theirs.items() if ours.get(key) != value}
-    if other:
-        said = " ".join(f"model.{card.kind}.{key}={value}" for key, value in other.items())
-        raise UserError(f"weights: the trunk in {source} is another; set {said} as it was trained.")
-    return start
-
-
-def _shape(card: Card) -> dict[str, Any]:
-    """Return the settings that the trunk's weights depend on."""
-    node = card.senses[card.kind]
-    rate = {"decode.sampling_rate": node["decode"].get("sampling_rate")}
-    return {**rate, **{key: value for key, value in node.items() if key not in HEADS}}
+    return SurfaceClassifier.from_checkpoint(path, kind) if path.suffix == SUFFIX else None
 
 
 def name_source(source: str) -> str:

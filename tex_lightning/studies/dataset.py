@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
 
-from rich.table import Table
 from rich.text import Text
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
@@ -200,23 +199,20 @@ def show_opening(data: DataConfig, dataset: Dataset, what: str, *, trains: bool 
         log.warning("%s", text)
     if Screen.verbose == QUIET:
         return
-    block = Table.grid(padding=(0, 2))
-    block.add_column(no_wrap=True)  # so that the other is what a narrow screen cuts
 
-    def add(title: str, text: str) -> None:
-        block.add_row(title, Text(printable_lines(text), no_wrap=True, overflow="ellipsis"))
+    def show(title: str, text: str) -> None:
+        line = Text(f"{title:<8} {printable_lines(text)}")
+        console.print(line, no_wrap=True, overflow="ellipsis")
 
-    add("Data", f"{data.name} {data.manifest or data.root or ''}")
-    add("Classes", f"{len(rows.classes)}: {', '.join(rows.classes)}")
+    show("Data", f"{data.name} {data.manifest or data.root or ''}")
+    show("Classes", f"{len(rows.classes)}: {', '.join(rows.classes)}")
     for modality in modalities:
         own, title = rows.of(modality), plural(modality).partition(" ")[0].capitalize()
         decoder, counts = dataset.store.decoders[modality], Counter(row.label for row in own)
         sizes = [dataset.store.extent(row) for row in own]
         size = _spread(sizes, decoder.unit, decoder.precision)
-        each = _spread([*counts.values()], "", "d")
-        add(title, f"{len(own)}; {size}; {each} of a class")
-    add("Trains" if trains else "Tests", what)
-    console.print(block)
+        show(title, f"{len(own)}; {size}; {_spread([*counts.values()], '', 'd')} of a class")
+    show("Trains" if trains else "Tests", what)
 
 
 def _spread(values: Sequence[float], unit: str, form: str) -> str:

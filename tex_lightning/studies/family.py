@@ -13,12 +13,12 @@ from typing import Any
 
 from torch import Tensor
 
-from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.baselines.classifier import load_classifier, make_baseline
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.config.check import check_config
 from tex_lightning.config.composition import Job, read_config
-from tex_lightning.config.instantiation import INSTALL, missing_library, named_classes, trust
+from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.progress import Stage
 from tex_lightning.data.decode import Decoder
@@ -108,12 +108,9 @@ def compose_system(name: str, overrides: Sequence[str], job: Job) -> System:
     config = replace(config, task="crossval")
     check_config(config)
     trust(*named_classes(config.model.nodes))
-    baseline = config.model.baseline
-    if baseline is not None and (library := missing_library(baseline)):
-        raise UserError(
-            f"{name} needs {library}, which is not installed; run: {INSTALL}, or do without it: "
-            f"frontier.systems.{name}=null."
-        )
+    model = config.model
+    if model.baseline is not None:
+        make_baseline(model.name, model.baseline, model.budget)  # whose library may be missing
     return System(name, list(overrides), config)
 
 

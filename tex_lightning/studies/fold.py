@@ -267,7 +267,7 @@ def complete_recipe(
     branches = {name: start.card.senses[name] for name, start in unimodal.items()}
     card = replace(card, input_ranges=ranges, senses={**card.senses, **branches})
     source = None if card.baseline or starts else config.sources.get(card.kind)
-    if source is not None and (start := starting_classifier(source, card)) is not None:
+    if source is not None and (start := starting_classifier(source, card.kind)) is not None:
         test = parts.test.of(card.modalities[0])
         refuse_leak(test, start.card, f"weights: checkpoint {source}", config.data)
         starts.append(start.card)

@@ -7,7 +7,7 @@ however many samples it is part of.
 import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
@@ -168,7 +168,6 @@ class PerturbedSystem:
     name: str
     kind: str
     folds: list[SystemFold]
-    _decided: dict[tuple[str, float], Labels] = field(default_factory=dict)
 
     @property
     def labels(self) -> list[int]:
@@ -179,13 +178,14 @@ class PerturbedSystem:
             for sample in fold.samples
         ]
 
+    @cached_property
+    def clean(self) -> Labels:
+        """Labels of all samples as they are."""
+        return self.decide()
+
     def decide(self, perturbation: Perturbation | None = None, severity: float = 0) -> Labels:
-        """Return labels of all samples, fold by fold; each decision is computed once."""
-        key = ("", 0.0) if perturbation is None or severity == 0 else (perturbation.name, severity)
-        if key not in self._decided:
-            changed = (perturbation, severity) if key[0] else ()
-            self._decided[key] = [label for fold in self.folds for label in fold.labels(*changed)]
-        return self._decided[key]
+        """Return the labels of all samples, fold by fold."""
+        return [label for fold in self.folds for label in fold.labels(perturbation, severity)]
 
     def meets(self, perturbation: Perturbation) -> bool:
         """Return whether the system reads what the perturbation changes."""
@@ -197,7 +197,8 @@ class PerturbedSystem:
 
 def run_trial(system: PerturbedSystem, perturbation: Perturbation, severity: float) -> StabilityRow:
     """Test a system at one severity; a sample that is refused counts as wrong."""
-    clean, labels = system.decide(), system.decide(perturbation, severity)
+    clean = system.clean
+    labels = system.decide(perturbation, severity) if severity else clean
     count = len(labels)
     correct = sum(label == truth for label, truth in zip(labels, system.labels, strict=True))
     flips = sum(label != before for label, before in zip(labels, clean, strict=True))

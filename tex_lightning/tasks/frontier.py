@@ -17,7 +17,6 @@ from tex_lightning.config.composition import Job
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import write_rows
 from tex_lightning.evaluation.comparison import (
-    Candidate,
     correct_shares,
     one_standard_error,
     pareto,
@@ -79,15 +78,16 @@ def _choose(systems: Sequence[System], folds: Sequence[int]) -> System:
     """Choose a system by its time and its votes on some folds, on samples of all senses."""
     widths = [len(system.config.model.modalities) for system in systems]
     joint = systems[widths.index(max(widths))].tests
-    candidates = []
-    for system in systems:
-        correct = {
+    named = {system.name: system for system in systems}
+    votes = {
+        name: {
             (fold, recording): share
             for fold in folds
             for recording, share in correct_shares(system.tests[fold], joint[fold]).items()
         }
-        candidates.append(Candidate(system.name, system.cost, correct))
-    return systems[candidates.index(one_standard_error(candidates))]
+        for name, system in named.items()
+    }
+    return named[one_standard_error({name: x.cost for name, x in named.items()}, votes)]
 
 
 def _measure_choice(systems: Sequence[System]) -> dict[str, Any] | None:

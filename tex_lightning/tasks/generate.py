@@ -29,10 +29,5 @@ def _new_folder(name: str) -> Path:
     out = Path(name).expanduser()
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise UserError(f"generate.out={out} is not empty; name a new folder.")
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(
-            f"generate.out={out} cannot be made ({error.strerror}); name another folder."
-        ) from error
+    out.mkdir(parents=True, exist_ok=True)
     return out
