@@ -47,38 +47,25 @@ class Config:
 
     task: str = key("what to do, set by task=NAME", choices=TASKS)
     verbose: int = key(
-        "what standard error shows: 0 the result and errors, 1 also progress and messages, 2 also "
-        "messages of other libraries, metrics of each epoch and timings",
+        "0: the result and errors; 1: progress and messages too; 2: those of libraries too",
         "[0, 2]",
     )
     seed: int = key("seed of initial weights, order of samples, sub-samples, rotations", SEED)
     checkpoint: str | None = key("trained network to classify with or to measure")
     haptic: Any = key(
-        "trace(s): a file or a list to predict from; one, or -, to stream; a source to record: -, "
-        "serial:PORT, soundcard, soundcard:NAME, a file",
-        default=None,
+        "trace(s); - to stream; to record: -, serial:PORT, soundcard, a file", default=None
     )
-    image: Any = key(
-        "photo(s): a file or a list to predict from; camera:NUMBER, or a file "
-        "that OpenCV reads, to record",
-        default=None,
-    )
+    image: Any = key("photo(s) to predict from; to record: camera:NUMBER or a video", default=None)
     sound: Any = key("sound(s): as haptic", default=None)
     own: dict[str, Any] = key("files of your own senses; +NAME=FILE adds one", factory=dict)
     top_k: int = key("candidates listed by task=predict", "[1, inf)")
     weights: Any = key(
-        "initial weights of the trunk: file, URL, imagenet or a checkpoint; for several trunks "
-        "{TRUNK: FILE, haptic: FILE, ...}; null is random",
-        default=None,
+        "first weights of trunks: FILE, imagenet or {TRUNK: FILE}; null: random", default=None
     )
     trusted: list[str] = key(
-        "packages, beside installed plugins, whose classes a checkpoint may name: their code runs",
-        factory=list,
+        "packages whose classes a checkpoint may name: their code runs", factory=list
     )
-    explained_samples: int = key(
-        "number of misclassified test samples that are drawn with the class of every position",
-        "[0, 100]",
-    )
+    explained_samples: int = key("misclassified test samples that are drawn", "[0, 100]")
     data: DataConfig = field(default_factory=DataConfig)
     model: ModelConfig = field(default_factory=ModelConfig)
     decision: DecisionConfig = field(default_factory=DecisionConfig)

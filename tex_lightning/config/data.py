@@ -7,6 +7,7 @@ from tex_lightning.config.keys import SEED, key
 
 HERTZ = {"range": "[20, 200000]", "unit": "Hz"}
 HOUR = {"range": "(0, 3600]", "unit": "s"}
+FORMATS = ("float32", "text")  # of samples, little-endian
 PIXELS = {"range": "[32, 8192]", "unit": "pixels"}  # of a rendered photo
 
 
@@ -25,23 +26,17 @@ class SyntheticConfig:
 class Folding:
     """How recordings are divided into folds, and which of them are trained on."""
 
-    folds: int = key(
-        "folds, of whole groups; a group that is a number is in that fold, modulo this",
-        "[2, 100000]",
-    )
-    test_fold: int | None = key(
-        "fold that is tested, never trained or chosen on; with task=evaluate null tests everything"
-    )
+    folds: int = key("folds of whole groups; a number is in that fold, modulo this", "[2, 100000]")
+    test_fold: int | None = key("tested fold, never trained or chosen on; null tests everything")
     val_fold: int | None = key("validation fold of the training; null for none", default=None)
     inverted: bool = key("train on test_fold alone and test on all the others")
     per_class: int | None = key(
-        "training recordings of each class and sense, the next groups after test_fold; null: all",
+        "training recordings of each class and sense, the next after test_fold; null: all",
         "[1, 1000000]",
         default=None,
     )
     test_where: Any = key(
-        "conditions of the recordings that are tested and never trained or chosen on, in place of "
-        "a fold: {speed: 60} or {speed: [50, 60], light: lamp}",
+        "conditions that are tested in place of a fold: {speed: [50, 60], light: lamp}",
         default=None,
     )
 
@@ -52,31 +47,26 @@ class DataConfig(Folding):
 
     name: str = key("data set, set by data=NAME")
     root: str | None = key("folder of the recordings")
-    manifest: str | None = key(
-        "CSV with the columns label,modality,path,group; with data=tum the photos' classes"
-    )
+    manifest: str | None = key("CSV with the columns label,modality,path,group")
     reader: dict[str, Any] = key("class that reads the data set, and its own keys", factory=dict)
     group_by: str | None = key("property that defines the groups, if several", default=None)
     classes: int | None = key(
-        "number of classes, the first by name; null takes all", "[2, inf)", default=None
+        "number of classes, the first by name; null: all", "[2, inf)", default=None
     )
     synthetic: SyntheticConfig = field(default_factory=SyntheticConfig)
     sampling_rate: float | None = key(
-        "rate of every trace; null is the highest of their own in training, at most 10 kHz", **HERTZ
+        "rate of every trace; null: the highest of their own, at most 10 kHz", **HERTZ
     )
     file_rate: float | None = key(
-        "rate of traces without one; null is sampling_rate, or 10 kHz", default=None, **HERTZ
+        "rate of traces without one; null: sampling_rate, or 10 kHz", default=None, **HERTZ
     )
     channels: list[int] | None = key(
-        "channels of traces that are kept, counted from 0; null keeps all", "[0, 63]", default=None
+        "channels of traces that are kept, counted from 0; null: all", "[0, 63]", default=None
     )
     half_scale: bool = key("halve photos; false for photos under a megapixel")
-    resize: int | None = key(
-        "side of the square that photos get instead", "[1, 8192]", unit="pixels", default=None
-    )
+    resize: int | None = key("side of square photos", "[1, 8192]", unit="pixels", default=None)
     hold_out: list[str] | None = key(
-        "classes never trained on; tests compare their confidence with that of the others",
-        default=None,
+        "classes never trained on, whose confidence is compared with that of others", default=None
     )
     skip_bad: bool = key("continue without unusable files, which are listed and counted")
     cache_dir: str | None = key("folder of decoded files; null: the user's cache", default=None)
@@ -90,8 +80,7 @@ class SourceConfig:
     rate: int | None = key("rate; null takes that of the file or card", default=None, **HERTZ)
     axes: int = key("numbers of one sample, each a channel of the file", "[1, 64]")
     format: str = key(
-        "samples of pipes and serial ports: little-endian float32, or text, a sample a line",
-        choices=("float32", "text"),
+        "samples of pipes and serial ports: float32, or text, a sample a line", choices=FORMATS
     )
     baud: int = key("speed of a serial port", "[50, 10000000]", unit="Bd")
 
@@ -106,7 +95,7 @@ class RecordConfig:
     count: int = key("number of recordings, one after the other", "[1, 10000]")
     timeout: float = key("longest time without data of a source", **HOUR)
     conditions: dict[str, Any] = key(
-        "further columns of the manifest, such as {speed: 60, person: anna}", factory=dict
+        "further columns of the manifest, as {speed: 60, person: anna}", factory=dict
     )
     haptic: SourceConfig = field(default_factory=SourceConfig)
     sound: SourceConfig = field(default_factory=SourceConfig)

@@ -15,6 +15,8 @@ BATCH = "[1, 4096]"
 PROBABILITY = "[0, 1)"
 WIDTH = "(0, 8]"
 ROTATION = {"range": "[0, 180]", "unit": "degrees"}
+AXES = ("frame", "trace")
+HEAD_STARTS = ("scores", "random")
 NORMS = ("batch", "lrn", "none")
 
 
@@ -71,9 +73,7 @@ class PhotoFitConfig(FitConfig):
     patch: int = key("side of a training patch", "[1, 2048]", unit="pixels")
     rotation: float = key("largest random rotation either way", **ROTATION)
     augmentation: dict[str, Any] | None = key(
-        "class, of Kornia or similar, that changes VisualNet's training patches (batch, 3, side, "
-        "side) in [0, 1] after the rotation; null leaves them",
-        default=None,
+        "class that changes training patches (batch, 3, side, side) in [0, 1]", default=None
     )
     probe: ProbeConfig = field(default_factory=ProbeConfig)
 
@@ -88,9 +88,7 @@ class FusionFitConfig(FitConfig):
         "learning rate of the fusion layer over that of the networks, as the paper", "[10, 50]"
     )
     rotation: float = key("largest random rotation of photos either way", **ROTATION)
-    modality_dropout: float = key(
-        "probability that a training sample is classified by one of its senses alone", "[0, 1]"
-    )
+    modality_dropout: float = key("probability that one sense alone classifies a sample", "[0, 1]")
 
 
 @dataclass
@@ -105,7 +103,7 @@ class SenseConfig:
     modality: str = key("modality of its recordings, and of files to predict from")
     decode: dict[str, Any] = key("how files are decoded", factory=dict)
     features: dict[str, Any] = key(
-        "class that turns a decoded recording into network input, and its own keys", factory=dict
+        "class from decoded recording to network input, and its own keys", factory=dict
     )
     network: dict[str, Any] = key("class of the network, and its own keys", factory=dict)
     fit: Any = None
@@ -124,17 +122,14 @@ class SignalConfig(SenseConfig):
     norm: str = key("normalisation of activations; lrn is the paper's", choices=NORMS)
     dropout: float = key("probability of dropping an input of the 1x1 layers", PROBABILITY)
     normalisation: str = key(
-        "of spectrograms: logarithms standardised over the training set, or each trace to [0, 1]",
-        choices=("standard", "paper"),
+        "standardised logarithms, or each trace to [0, 1]", choices=("standard", "paper")
     )
     skip_impact: bool = key("leave out the first touch of the tool")
     axes: str = key(
-        "remove the mean and join three axes per frame, or over the whole trace as in the paper",
-        choices=("frame", "trace"),
+        "join three axes per frame, or over the whole trace as in the paper", choices=AXES
     )
     scale: str = key(
-        "50 mel bands up to half the sampling rate, or the paper's 50 channels up to 1 kHz",
-        choices=("mel", "linear"),
+        "50 mel bands, or the paper's 50 channels up to 1 kHz", choices=("mel", "linear")
     )
     window_seconds: float = key("length of a frame of the spectrogram", "[0.001, 10]", unit="s")
     hop_seconds: float = key("time from frame to frame", "[0.0001, 10]", unit="s")
@@ -146,16 +141,13 @@ class PhotoConfig(SenseConfig):
     """VisualNet on one of several trunks."""
 
     trunk: dict[str, Any] = key(
-        "class of the convolutions before FC1, which gets width and norm, and its own keys",
-        factory=dict,
+        "class of the convolutions before FC1, and its own keys", factory=dict
     )
     width: float = key("factor on every channel count; 1 is the published size", WIDTH)
     norm: str = key("normalisation of activations; none for pretrained trunks", choices=NORMS)
     dropout: float = key("probability of dropping an input of FC2 and FC3", PROBABILITY)
     fc1_kernel: int | None = key("side of FC1's kernel; null: the trunk's", "[1, 64]", default=None)
-    head: list[int] = key(
-        "channels of FC1 and FC2 before the width; [] for FC3 alone", "[1, 16384]"
-    )
+    head: list[int] = key("channels of FC1 and FC2 before the width; []: FC3 alone", "[1, 16384]")
     fit: PhotoFitConfig = field(default_factory=PhotoFitConfig)
 
 
@@ -171,8 +163,7 @@ class FusionConfig:
     visual_checkpoint: str | None = key("VisualNet to start from; null trains one", default=None)
     sound_checkpoint: str | None = key("sound network; null trains one", default=None)
     head_start: str = key(
-        "first weights of the fusion layer: the sum of all scores, or random as in the paper",
-        choices=("scores", "random"),
+        "first weights of the fusion layer: the sum of all scores, or random", choices=HEAD_STARTS
     )
     fit: FusionFitConfig = field(default_factory=FusionFitConfig)
 
@@ -182,12 +173,9 @@ class ModelConfig:
     """The model that is trained; a user's own senses are attributes too."""
 
     name: str = key("model, set by model=NAME")
-    senses: list[str] = key(
-        "branches: haptic, visual, sound or your own; several are trained one by one, then fused"
-    )
+    senses: list[str] = key("haptic, visual, sound or your own; several are trained, then fused")
     baseline: dict[str, Any] | None = key(
-        "class of what is fitted instead of a network, and its keys, see its file in conf/model",
-        default=None,
+        "class of what is fitted instead of a network, and its own keys", default=None
     )
     budget: float = key("factor on the steps of a baseline or of a sense of your own", "(0, 1000]")
     haptic: SignalConfig = field(default_factory=SignalConfig)

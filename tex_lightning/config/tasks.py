@@ -25,31 +25,22 @@ class DecisionConfig:
     """How fragments become one label; null takes what the checkpoint says."""
 
     name: str = key(
-        "max_vote counts every fragment, sequential only as many as the label needs",
-        choices=("max_vote", "sequential"),
+        "max_vote: all fragments, sequential: as few as needed", choices=("max_vote", "sequential")
     )
     pairs: int | None = key("pairs or tuples that FusionNet votes over", f"[1, {MAX_PAIRS}]")
     rule: str | None = key(
-        "count the fragments' votes, or average their class probabilities or scores",
-        choices=("vote", "mean", "score"),
+        "count votes, or average probabilities or scores", choices=("vote", "mean", "score")
     )
     seed: int | None = key("seed of the pairs and of the order of windows", SEED)
     reject_below: float | None = key(
         "mean class probability below which no label is given; 0: always one", SHARE, default=None
     )
     unknown: float | None = key(
-        "share of known recordings that may wrongly be called unknown, as materials never seen are;"
-        " 0 calls none",
-        CHANCE,
-        default=None,
+        "share of known recordings that may be called unknown; 0: none", CHANCE, default=None
     )
-    confidence_threshold: float = key(
-        "sequential: mean probability at which one modality, or part of a trace, decides", SHARE
-    )
+    confidence_threshold: float = key("sequential: mean probability that decides", SHARE)
     calibrated: bool = key("sequential: use the threshold that the checkpoint chose by validation")
-    disagreement: float = key(
-        "share of decisions that may differ from the full one when it is chosen", CHANCE
-    )
+    disagreement: float = key("share of decisions that may differ from the full one", CHANCE)
     confidence: float = key("confidence of the bound on that share (Clopper-Pearson)", CHANCE)
     confidence_thresholds: list[float] = key("thresholds that it is chosen from", SHARE)
 
@@ -61,21 +52,14 @@ class TrainerConfig:
     These are attributes too, see :attr:`flags`.
     """
 
-    accelerator: str = key(
-        "kind of device; auto takes the best one available",
-        choices=("auto", "cpu", "gpu", "cuda", "mps"),
-    )
+    accelerator: str = key("kind of device", choices=("auto", "cpu", "gpu", "cuda", "mps"))
     devices: Any = key("devices of each machine that train together, or auto", "[1, 64]")
     num_nodes: int = key("machines that srun or torchrun starts together", "[1, 1024]")
     strategy: Any = key("how devices train together: a name that Lightning knows, or a _target_")
-    precision: str = key(
-        "precision of training", choices=("32-true", "16-mixed", "bf16-mixed", "64-true")
-    )
+    precision: str = key("of training", choices=("32-true", "16-mixed", "bf16-mixed", "64-true"))
     tf32: bool = key("on NVIDIA GPUs, round the factors of fp32 products to 10 bits: faster")
     threads: int | None = key(
-        "threads of PyTorch on the CPU; null is its own number, one for task=stream",
-        "[1, 1024]",
-        default=None,
+        "threads of PyTorch on the CPU; null: its own number", "[1, 1024]", default=None
     )
 
     @property
@@ -88,13 +72,9 @@ class TrainerConfig:
 class EngineConfig:
     """How a trained network is run in testing and prediction; its weights do not change."""
 
-    fast: bool = key(
-        "fold batch normalisation into convolutions, store weights channels innermost, and compute "
-        "response normalisation and spectrograms within the cache of the processor"
-    )
+    fast: bool = key("fold batch normalisation, store channels innermost, compute within the cache")
     tile: int | None = key(
-        "most pixels, or frames times 50 channels, that go through a network at once, but at least "
-        "twice its receptive field each way; null never divides",
+        "most pixels, or frames times 50, that go through a network at once; null: all",
         "[100000, 1000000000000]",  # smaller pieces are nearly all margin
     )
 
@@ -137,9 +117,7 @@ class ProfileConfig:
     width: int = key("width of the rendered photo after halving", **SIDE)
     height: int = key("height of that photo", **SIDE)
     rounds: int = key("most rounds of timing; each times every way of classifying", ROUNDS)
-    budget_s: float = key(
-        "time after which no fourth or later round begins", "(0, 86400]", unit="s"
-    )
+    budget_s: float = key("time after which no fourth round begins", "(0, 86400]", unit="s")
 
 
 @dataclass
@@ -147,12 +125,9 @@ class FrontierConfig:
     """The family of systems that is trained and measured."""
 
     systems: dict[str, str | None] = key(
-        "overrides by name of the system, set by frontier=NAME; null leaves one out", factory=dict
+        "overrides by name of the system, set by frontier=NAME; null: left out", factory=dict
     )
-    senses: list[str] | None = key(
-        "senses whose subsets are systems of model=NAME",
-        default=None,
-    )
+    senses: list[str] | None = key("senses whose subsets are systems of model=NAME", default=None)
     only: list[str] | None = key("some of the systems by name; null runs all", default=None)
     rounds: int = key("rounds of timing; each times every system", ROUNDS)
 
@@ -162,14 +137,8 @@ class StabilityConfig:
     """Systems and perturbations that are tested, and how thoroughly."""
 
     systems: list[str] | None = key("run folders or checkpoints", default=None)
-    only: list[str] | None = key(
-        "perturbations by name, e.g. [white_noise,jpeg]; null takes all", default=None
-    )
-    severities: list[str] = key(
-        "files of further perturbations, as tex_lightning/perturbations/severities.yaml with the "
-        "dotted path of each function",
-        factory=list,
-    )
+    only: list[str] | None = key("perturbations by name; null: all", default=None)
+    severities: list[str] = key("files of further perturbations, as severities.yaml", factory=list)
 
 
 @dataclass
@@ -178,13 +147,8 @@ class ExportConfig:
 
     out: str | None = key("folder to write to; null takes the run folder", default=None)
     format: str = key(
-        "onnx for onnxruntime, web for a page in the browser, card for people",
+        "onnx: onnxruntime, web: a page in the browser, card: people",
         choices=("onnx", "web", "card"),
     )
-    check: int = key(
-        "recordings of data=NAME, with data=synthetic noise, on which the file is compared",
-        "[0, 100000]",
-    )
-    web_runtime: str | None = key(
-        "format=web: .tgz of the npm package onnxruntime-web; null fetches it once", default=None
-    )
+    check: int = key("recordings of data=NAME on which the file is compared", "[0, 100000]")
+    web_runtime: str | None = key(".tgz of onnxruntime-web; null fetches it", default=None)

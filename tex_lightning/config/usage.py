@@ -38,7 +38,7 @@ Tasks:
 {tasks}
 
 More to read:
-  --help=all         all groups with their options, and all keys: meaning, range, value
+  --help=all         all groups and all keys: meaning, range, value now
   --cfg job          the configuration that a command line composes
   --hydra-help       flags of Hydra; --version is that of tex_lightning
 Results land in hydra.run.dir: results.json, checkpoints, figures, metrics.csv
