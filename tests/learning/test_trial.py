@@ -68,13 +68,18 @@ def card(features: dict | None = None, network: dict | None = None) -> Card:
         ("network", "flat", r"returned a Tensor of float32 of shape \(2, 2\) for a batch of 2"),
         ("network", "nan", "gave NaN or infinity"),
         ("network", "detached", "without a gradient, so nothing can be trained"),
-        ("network", "blind", "score_layer that turns 4 features into 2 scores, and .* 2 features"),
         ("network", "outside", "gives other outputs once it is saved and loaded"),
     ],
 )
 def test_parts_that_break_their_contract(world, part, spoil, said):
     with pytest.raises(UserError, match=said):
         try_branch(card(**{part: {"spoil": spoil}}), FIT, 20, *world)
+
+
+def test_a_score_layer_of_other_features_is_found_before_the_training(world):
+    with pytest.raises(RuntimeError, match="shapes") as caught:
+        try_branch(card(network={"spoil": "blind"}), FIT, 20, *world)
+    assert fault_of(caught.value).startswith("model.force.network (SpoiltNet) raised RuntimeError")
 
 
 @pytest.mark.parametrize("part", ["features", "network"])

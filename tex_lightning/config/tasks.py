@@ -147,7 +147,7 @@ class ExportConfig:
 
     out: str | None = key("folder to write to; null takes the run folder", default=None)
     format: str = key(
-        "onnx: onnxruntime, web: a page in the browser, card: people",
+        "onnx: onnxruntime, web: a browser, card: people",
         choices=("onnx", "web", "card"),
     )
     check: int = key("recordings of data=NAME on which the file is compared", "[0, 100000]")
