@@ -13,7 +13,7 @@ import torch
 from threadpoolctl import threadpool_limits
 from torch import Tensor
 
-from tex_lightning.classifier.card import SUFFIX, read_checkpoint
+from tex_lightning.classifier.card import SUFFIX
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.console import log_once
@@ -65,7 +65,7 @@ def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
                 f"weights: the trunk in {source} is another; give model.{sense} the keys that it "
                 "was trained with."
             ) from error
-        return f"Trunk from {name_source(source)}."
+        return f"Trunk from {source}."
     if not isinstance(trunk, Trunk):
         raise UserError(
             f"weights: {type(network).__name__} starts from a checkpoint, and {source} does "
@@ -85,14 +85,6 @@ def starting_classifier(source: str, kind: str) -> SurfaceClassifier | None:
     """
     path = Path(source)
     return SurfaceClassifier.from_checkpoint(path, kind) if path.suffix == SUFFIX else None
-
-
-def name_source(source: str) -> str:
-    """Name a source of weights, and for a checkpoint of this package also its training data."""
-    if Path(source).suffix != SUFFIX:
-        return source
-    stored = read_checkpoint(source)["hyper_parameters"]["card"]
-    return f"{source} (trained on {len(stored['trained_on']['seen'])} recordings)"
 
 
 def start_network(

@@ -31,7 +31,7 @@ from tex_lightning.evaluation.calibration import calibrated_card
 from tex_lightning.evaluation.outcomes import RANDOM, write_results
 from tex_lightning.inference.prediction import taken
 from tex_lightning.learning.loggers import log_test, open_loggers
-from tex_lightning.learning.start import name_source, starting_classifier
+from tex_lightning.learning.start import starting_classifier
 from tex_lightning.learning.train import checkpoint_of, train_network, train_once
 from tex_lightning.learning.trial import try_baseline, try_custom_parts, try_training
 from tex_lightning.studies.dataset import Dataset, open_dataset, show_opening
@@ -133,7 +133,7 @@ def training_results(
 ) -> dict[str, Any]:
     """``results.json`` of a training, with the source of each network's or trunk's weights."""
     model, begun = config.model, {**config.sources, **config.model.checkpoints}
-    weights = {name: name_source(begun[name]) if name in begun else RANDOM for name in model.senses}
+    weights = {name: begun.get(name, RANDOM) for name in model.senses}
     frame = results_frame(config, model.name, dataset.classes, dataset.skipped, networks, seconds)
     return {**frame, "weights": weights}
 

@@ -18,7 +18,6 @@ from tex_lightning.data.recordings import (
 )
 from tex_lightning.data.store import fingerprint
 from tex_lightning.errors import UserError
-from tex_lightning.learning.start import name_source
 
 FOLD_KEYS = ("folds", "test_fold", "inverted", "val_fold")
 WHERE = "test_where"
@@ -39,7 +38,7 @@ def trained_on(
     used = (row for part in (parts.train, parts.val) for row in part)
     seen = digests(row for row in used if row.modality in card.modalities)
     earlier = {digest for start in begun for digest in start.trained_on.get("seen", ())}
-    trunks = {} if source is None else {card.kind: name_source(source)}
+    trunks = {} if source is None else {card.kind: source}
     for start in begun if source is None else ():
         trunks |= start.trained_on.get("trunks", {})
     return {
