@@ -185,13 +185,14 @@ class SurfaceClassifier(nn.Module):
     def classify(self, **recordings: Tensor) -> Vote:
         """Decide on one sample; arguments are those of :meth:`logits`.
 
-        Features of bands and a linear rule are so little work that a second thread costs more time
-        than it saves, and several times as much beside other processes.
+        Features of bands, a linear rule and the vote are so little work that a second thread costs
+        more time than it saves, and several times as much beside other processes.
         """
         light = all(isinstance(sense.network, LinearNet) for sense in self.senses.values())
         with computing_threads(1 if light else None):
             outputs = self.sense_outputs(**recordings)
-        return self.vote(outputs, 0 if self.fusion is None else self.seed(**recordings))
+        with computing_threads(1):
+            return self.vote(outputs, 0 if self.fusion is None else self.seed(**recordings))
 
     def decide(self, logits: Tensor, temperature: float) -> Vote:
         """Decide by class scores (classes, fragments) with the card's rule."""

@@ -51,10 +51,23 @@ def decide(classifier: SurfaceClassifier, config: DecisionConfig) -> SurfaceClas
 
 
 def make_inference_model(
-    classifier: SurfaceClassifier, engine: EngineConfig, decision: DecisionConfig
+    classifier: SurfaceClassifier,
+    engine: EngineConfig,
+    decision: DecisionConfig,
+    *,
+    novelty: bool = True,
 ) -> SurfaceClassifier:
-    """Prepare a classifier for tests and prediction: accelerated, with the configured decision."""
+    """Prepare a classifier for tests and prediction: accelerated, with the configured decision.
+
+    Args:
+        classifier: Trained; it is left as it is.
+        engine: What is rewritten.
+        decision: Threshold of unknown recordings, early stopping.
+        novelty: Whether votes say how unlike the training a sample is, where statistics are known.
+    """
     fast = accelerate(classifier, engine)
+    if not novelty:
+        fast.statistics = nn.ModuleDict()
     fast.card = fast.card.deciding(decision)
     return decide(fast, decision)
 

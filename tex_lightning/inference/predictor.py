@@ -191,8 +191,9 @@ class Predictor:
         """What decides by these senses: of a FusionNet perhaps a part."""
         if senses not in self._deciders:
             part = self.classifier.with_senses(senses)
+            needed = self.card.unknown_above is not None
             self._deciders[senses] = make_inference_model(
-                part, self.config.engine, self.config.decision
+                part, self.config.engine, self.config.decision, novelty=needed
             )
         return self._deciders[senses]
 
