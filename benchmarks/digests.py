@@ -109,7 +109,8 @@ def digests_of(run: Path) -> dict[str, str]:
 
 def _of_weights(path: Path) -> str:
     content = torch.load(path, map_location="cpu", weights_only=True)
-    tensors = content.get("state_dict", {}).values()  # a baseline's estimator has none
+    state = content.get("state_dict", {})  # a baseline's estimator has none
+    tensors = [value for name, value in state.items() if "statistics." not in name]
     return _digest(sorted([str(each.dtype), [*each.shape], _sha(each)] for each in tensors))
 
 

@@ -21,11 +21,12 @@ from tex_lightning.data.folds import Sample, Split, make_samples
 from tex_lightning.data.recordings import Recording, Recordings, class_indices, plural
 from tex_lightning.data.store import Store, load_recording, load_sample
 from tex_lightning.evaluation.calibration import calibrated_card
+from tex_lightning.inference.engine import accelerate
 from tex_lightning.learning.start import fits_probabilities
 
 
 def keep_statistics(
-    classifier: SurfaceClassifier, rows: Recordings, store: Store
+    classifier: SurfaceClassifier, rows: Recordings, store: Store, engine: EngineConfig
 ) -> dict[str, list[float]]:
     """Give a trained classifier its :attr:`~SurfaceClassifier.statistics`, of every sense.
 
@@ -33,17 +34,18 @@ def keep_statistics(
         classifier: Trained, on the device that computes the features; left in evaluation mode.
         rows: The training recordings, which are not perturbed.
         store: Where they are decoded.
+        engine: How the accelerated copy that computes the features differs.
 
     Returns:
         By sense :func:`left_out_novelties` of its recordings.
     """
     novelties: dict[str, list[float]] = {}
     classes = classifier.card.classes
-    classifier.eval()
+    fast = accelerate(classifier.eval(), engine)
     for name, sense in classifier.senses.items():
         recordings = rows.of(sense.modality).rows
         labels = torch.tensor(class_indices([row.label for row in recordings], classes))
-        positions = position_features(classifier, name, recordings, store)
+        positions = position_features(fast, name, recordings, store)
         features = torch.stack([each.mean(dim=1) for each in positions])
         statistics = FeatureStatistics.of(features, labels, len(classes))
         classifier.statistics[name] = statistics.to(classifier.device)

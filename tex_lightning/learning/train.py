@@ -20,7 +20,7 @@ from lightning.pytorch.trainer.states import TrainerStatus
 
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.config import Config, ModelConfig
+from tex_lightning.config import Config, EngineConfig, ModelConfig
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import write_bytes
 from tex_lightning.core.progress import hidden
@@ -101,7 +101,7 @@ def train_network(
         loss = _take_best(module, keeper)
         if trainer.is_global_zero:
             seconds = preparation + timer.time_elapsed("train")
-            left_out, more = _keep_statistics(module, parts, store, unimodal, device)
+            left_out, more = _keep_statistics(module, parts, store, unimodal, device, config.engine)
             training = {"fit_seconds": seconds + more, "val_loss": loss, "left_out": left_out}
             module.classifier.card = replace(card, training=training)
             complete_card(module.classifier, parts, store, config.decision, config.engine, device)
@@ -211,6 +211,7 @@ def _keep_statistics(
     store: Store,
     unimodal: Mapping[str, SurfaceClassifier],
     device: torch.device,
+    engine: EngineConfig,
 ) -> tuple[dict[str, list[float]], float]:
     """Add statistics of the features.
 
@@ -219,7 +220,7 @@ def _keep_statistics(
     """
     begin, classifier = time.perf_counter(), module.classifier
     classifier.to(device)
-    left_out = keep_statistics(classifier, parts.train, store)
+    left_out = keep_statistics(classifier, parts.train, store, engine)
     fixed = all(start.card.training["left_out"] for start in unimodal.values())
     if module.fit_config["epochs"] or not fixed:  # layers before the scores know the recordings
         left_out = {}
