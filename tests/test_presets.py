@@ -5,6 +5,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from tex_lightning.config import CONF, register
+from tex_lightning.perturbations.table import trainable
 from tex_lightning.report.table import paper_table
 
 EXPERIMENTS = sorted(
@@ -83,3 +84,12 @@ def test_presets_hold_the_papers_table_of_hyper_parameters(preset):
         assert fit.epochs * fit.steps_per_epoch == 100_000
         assert (fit.optimizer._target_, fit.optimizer.weight_decay) == ("torch.optim.Adam", 5e-4)
         assert schedule._target_ == "torch.optim.lr_scheduler.StepLR"
+
+
+@pytest.mark.parametrize("preset", ["haptic", "visual", "fusion"])
+def test_robust_presets_train_on_what_is_not_held_out(preset):
+    config = composed(f"experiment=robust/{preset}")
+    plain = composed(f"model={config.model.name}")
+    assert {*config.model.haptic.fit.perturb} < {*trainable("haptic")}
+    assert {*config.model.visual.fit.perturb} < {*trainable("image")}
+    assert plain.model.haptic.fit.perturb == plain.model.visual.fit.perturb == []

@@ -15,7 +15,7 @@ CASES = [
     *[(HAPTIC, case) for case in (
         f"{FIT}.batch_size=1", f"{FIT}.batch_size=512", f"{FIT}.learning_rate=10",
         f"{FIT}.frames=1", f"{FIT}.frames=20000", f"{FIT}.optimizer={{}}", f"{FIT}.schedule={{}}",
-        f"{FIT}.epochs=0",
+        f"{FIT}.perturb=[white_noise] {FIT}.perturbed_copies=100", f"{FIT}.epochs=0",
         f"{FIT}.optimizer={{_target_:torch.optim.LBFGS}}",
         f"{FIT}.schedule={{_target_:torch.optim.lr_scheduler.ReduceLROnPlateau}}",
         "model.haptic.width=1e-9", "model.haptic.dropout=0.9999999",

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 import torch
 from conftest import ramp
+from scipy import stats
 
 from tex_lightning.data import banks
 from tex_lightning.data.banks import InputBank, PhotoBank
@@ -25,6 +26,16 @@ def test_sub_samples_are_contiguous_pieces_of_their_own_spectrogram():
     assert {*starts[indices == 2]} == {200, 201}
     assert (starts[indices == 1] >= 100).all()
     assert (starts[indices == 1] <= 125).all()
+
+
+def test_every_version_of_a_recording_is_cut_alike():
+    versions = [spectrogram(20, 100 * number) for number in range(6)]  # of two recordings, three
+    bank = InputBank(versions, frames=10, versions=3)
+    cut = bank.cut(np.repeat([0, 1], 3000), np.random.default_rng(0))["input"]
+    number = (cut[:, 0, 0, 0] // 100).long().numpy()
+    assert {*number[:3000]} == {0, 2, 4}
+    assert {*number[3000:]} == {1, 3, 5}
+    assert stats.chisquare(np.bincount(number[:3000])[::2]).pvalue > 0.01
 
 
 def test_crops_are_pieces_of_the_photo(photos):

@@ -11,6 +11,7 @@ from tex_lightning.core.groups import leave_out
 from tex_lightning.learning.module import SurfaceModule
 from tex_lightning.learning.start import _view, fit_linear_head
 from tex_lightning.networks.linear import fit_temperature
+from tex_lightning.perturbations.table import Augmentation
 
 COLOURS = np.array([[190, 150, 150], [150, 190, 150], [150, 150, 190]], np.uint8)
 PROBE = {"passes": 1, "side": 300, "strength": 0.03}
@@ -19,8 +20,8 @@ PROBE = {"passes": 1, "side": 300, "strength": 0.03}
 class Photos:
     """A bank of photos in memory."""
 
-    def __init__(self, photos):
-        self.recordings = photos
+    def __init__(self, photos, augmentation=None):
+        self.recordings, self.augmentation = photos, augmentation
 
     def photo(self, index):
         return self.recordings[index]
@@ -75,10 +76,12 @@ def test_mean_score_is_that_of_scikit_learn_on_mean_features():
     np.testing.assert_allclose(found, softmax(wanted, axis=1), atol=4e-3)
 
 
-def test_large_photos_are_cut_small_ones_mirrored():
+def test_large_photos_are_cut_small_ones_mirrored_and_all_of_them_perturbed():
     module = module_of(2)
     photos, _ = photos_of(2, 2, seed=1, size=(180, 700))
     view = _view(photos, 0, module)
     assert view.shape == (224, 300, 3)
     assert np.array_equal(view, _view(photos, 0, module))
     assert not np.array_equal(view, _view(photos, 2, module))  # the next pass cuts elsewhere
+    darker = Photos(photos.recordings, Augmentation.of(["darkness"], share=1.0))
+    assert _view(darker, 0, module).mean() < 0.99 * view.mean()

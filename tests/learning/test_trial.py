@@ -20,7 +20,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.learning.trial import try_baseline, try_branch
 
 RATE = 1000.0
-FIT = {"epochs": 1, "head_factor": 1.0}
+FIT = {"epochs": 1, "perturb": [], "perturbed_copies": 0, "head_factor": 1.0}
 
 
 @pytest.fixture(autouse=True)

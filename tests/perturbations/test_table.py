@@ -1,5 +1,6 @@
 """Every perturbation on its scale, against what its unit means."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import cv2
@@ -12,9 +13,11 @@ from tex_lightning.errors import UserError
 from tex_lightning.perturbations.pixels import Scene
 from tex_lightning.perturbations.table import (
     SEVERITIES,
+    Augmentation,
     Perturbation,
     perturbations,
     read_severities,
+    trainable,
 )
 
 RATE = 10_000.0
@@ -202,3 +205,34 @@ def test_a_users_function_that_makes_no_recording_is_named(name, said):
     line = rf"^mine of force in stability.severities \({name}\) {said}.*; a perturbation takes"
     with pytest.raises(UserError, match=line):
         own.apply(trace(3), 3, scene())
+
+
+def test_what_is_held_out_cannot_be_trained_on():
+    names = {*trainable("haptic"), *trainable("image"), *trainable("sound")}
+    assert {"white_noise", "jpeg", "sound_low_pass"} <= names
+    assert trainable("thermal") == ()
+    left = [kind for name, kind in perturbations().items() if name not in names]
+    assert all(kind.held_out or kind.modality == "both" for kind in left)
+
+
+@pytest.mark.parametrize("modality", ["haptic", "image", "sound"])
+def test_all_that_may_be_trained_on_needs_the_recording_alone(modality):
+    for name in trainable(modality):
+        augmentation, clean = Augmentation.of([name], rate=RATE), recording(TABLE[name])
+        changed, again = (augmentation(clean, np.random.default_rng(2)) for _ in range(2))
+        assert (changed.dtype, changed.ndim) == (clean.dtype, clean.ndim)
+        assert np.array_equal(changed, again)
+
+
+def test_a_share_is_changed_by_every_kind_alike():
+    augmentation, photo = (
+        Augmentation.of(["darkness", "scale_down"], share=0.5),
+        make_photo(0, 0, 60),
+    )
+    changed = [augmentation(photo, np.random.default_rng(seed)) for seed in range(400)]
+    smaller = sum(each.shape != photo.shape for each in changed)
+    darker = sum(each.shape == photo.shape and each is not photo for each in changed)
+    assert 70 < smaller < 130
+    assert 70 < darker < 130
+    never = replace(augmentation, share=0.0)
+    assert never(photo, np.random.default_rng(0)) is photo

@@ -15,7 +15,7 @@ from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import MEAN, STD
 
-FIT = {"rotation": 180.0}
+FIT = {"perturb": [], "perturbed_share": 0.5, "rotation": 180.0}
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.senses.signal import SignalSense
 
 RATE = 1000.0
+FIT = {"perturb": [], "perturbed_copies": 0}
 
 
 class Energy(nn.Module):
@@ -75,7 +76,7 @@ def test_a_bank_is_cut_into_training_inputs(tmp_path):
         rows.append(Recording("a", "force", tmp_path / f"{number}.npy", number))
     sense = own()
     store = Store(tmp_path, {"force": sense.decoder})
-    bank = sense.bank(rows, store, {}, size=6, seed=0, learn=True)
+    bank = sense.bank(rows, store, FIT, size=6, seed=0, learn=True)
     pieces = bank.cut(np.array([1, 0, 1]), np.random.default_rng(0))
     x = sense.training_input(pieces, 6)
     assert x.shape == (3, 1, 6)
@@ -88,7 +89,7 @@ def test_spectrograms_are_normalised_by_the_training_set(surfaces, tmp_path):
     files = sorted((surfaces / "alpha" / "haptic").iterdir())[:3]
     rows = [Recording("alpha", "haptic", path, place) for place, path in enumerate(files)]
     store = Store(tmp_path, {"haptic": sense.decoder})
-    bank = sense.bank(rows, store, {}, size=192, seed=0, learn=True)
+    bank = sense.bank(rows, store, FIT, size=192, seed=0, learn=True)
     frames = torch.cat(bank.inputs, dim=-1)[0]
     torch.testing.assert_close(frames.mean(dim=1), torch.zeros(50), atol=1e-3, rtol=0)
     whole = sense(torch.from_numpy(np.array(store.load(rows[2]))))[0]

@@ -219,6 +219,14 @@ def _unknown_names(config: Config) -> Iterator[str]:
             yield from choice("a key of model.fusion", key, checkpoints)
     for sense in senses or ():
         yield from choice("frontier.senses", sense, model.known)
+    for name in model.known:
+        node = model.sense(name)
+        for perturbation in node.fit.perturb:
+            # loads OpenCV, which predictions do without
+            from tex_lightning.perturbations.table import trainable
+
+            known = trainable(node.modality)
+            yield from choice(f"model.{name}.fit.perturb", perturbation, known)
 
 
 def _unknown_trunks(sources: dict[str, str], model: ModelConfig) -> Iterator[str]:

@@ -18,6 +18,7 @@ ROTATION = {"range": "[0, 180]", "unit": "degrees"}
 AXES = ("frame", "trace")
 HEAD_STARTS = ("scores", "random")
 NORMS = ("batch", "lrn", "none")
+PERTURB = "perturbations to train on too, named in tex_lightning/perturbations/severities.yaml"
 
 
 @dataclass
@@ -48,11 +49,13 @@ class FitConfig:
 
 @dataclass
 class SignalFitConfig(FitConfig):
-    """Training on sub-samples of spectrograms."""
+    """Training on sub-samples of spectrograms; FusionNet is perturbed alike."""
 
     frames: int = key(
         "frames of a sub-sample; longer signals are cut at random, shorter repeated", "[1, 20000]"
     )
+    perturb: list[str] = key(PERTURB)
+    perturbed_copies: int = key("perturbed versions of every signal", "[1, 100]")
 
     piece_key: ClassVar[str] = "frames"
 
@@ -68,13 +71,15 @@ class ProbeConfig:
 
 @dataclass
 class PhotoFitConfig(FitConfig):
-    """Training on square patches."""
+    """Training on square patches; FusionNet is perturbed alike."""
 
     patch: int = key("side of a training patch", "[1, 2048]", unit="pixels")
     rotation: float = key("largest random rotation either way", **ROTATION)
     augmentation: dict[str, Any] | None = key(
         "class that changes training patches (batch, 3, side, side) in [0, 1]", default=None
     )
+    perturb: list[str] = key(PERTURB)
+    perturbed_share: float = key("share of patches that are perturbed", "[0, 1]")
     probe: ProbeConfig = field(default_factory=ProbeConfig)
 
     piece_key: ClassVar[str] = "patch"

@@ -13,6 +13,7 @@ from torch import Tensor
 from tex_lightning.data.decode import Photo
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
+from tex_lightning.perturbations.table import Augmentation
 
 Indices = npt.NDArray[np.int64]
 WHOLE = slice(None)
@@ -26,12 +27,13 @@ class InputBank:
     memory is short. The file has no name and is gone with the tensor.
 
     Args:
-        inputs: Inputs of all recordings.
+        inputs: Inputs of all recordings in their first version, then in their second, and so on.
         frames: Length of the sub-samples.
+        versions: How many there are of every recording; which one is cut is drawn.
     """
 
-    def __init__(self, inputs: Iterable[Tensor], frames: int) -> None:
-        self.frames = frames
+    def __init__(self, inputs: Iterable[Tensor], frames: int, versions: int = 1) -> None:
+        self.versions, self.frames = versions, frames
         lengths: list[int] = []
         with tempfile.TemporaryFile() as file:
             for item in inputs:
@@ -59,6 +61,9 @@ class InputBank:
 
         Only a ``share`` of them is cut, but all are drawn.
         """
+        if self.versions > 1:
+            version = rng.integers(0, self.versions, len(indices))
+            indices = indices + version * (len(self.lengths) // self.versions)
         offsets = rng.integers(0, self.lengths[indices] - self.frames + 1)
         rows = (self.starts[indices] + offsets)[share, None] + np.arange(self.frames)
         return {"input": self.flat[torch.from_numpy(rows)].movedim(1, -1).contiguous()}
@@ -76,12 +81,14 @@ class PhotoBank:
         store: Decoded files.
         side: Side of a crop in pixels.
         rotation: Largest angle in degrees that a crop is to be turned by.
+        augmentation: What becomes of a crop after it is cut; None leaves it.
     """
 
     recordings: Sequence[Recording]
     store: Store
     side: int
     rotation: float
+    augmentation: Augmentation | None = None
     # opened on first use, each loader process its own
     maps: dict[int, Photo] = field(default_factory=dict, init=False)
 
@@ -103,15 +110,26 @@ class PhotoBank:
 
         Photos too small are mirrored outwards. Only a ``share`` is cut, but all are drawn.
         """
-        corners = [
+        places = [
             (index, *random_corner(self.photo(index), self.side, rng)) for index in indices.tolist()
         ][share]
-        crops = np.empty((len(corners), 3, self.side, self.side), np.uint8)
-        for planes, (index, top, left) in zip(crops, corners, strict=True):
-            piece = self.photo(index)[top : top + self.side, left : left + self.side]
-            cv2.split(mirrored(piece, self.side), list(planes))  # the fastest way to copy them
+        seeds: list[int | None] = [None] * len(indices)
+        if self.augmentation is not None:
+            seeds = rng.integers(1 << 63, size=len(indices)).tolist()  # of all, whoever cuts which
+        crops = np.empty((len(places), 3, self.side, self.side), np.uint8)
+        for planes, place, seed in zip(crops, places, seeds[share], strict=True):
+            cv2.split(self._crop(*place, seed), list(planes))  # the fastest way to copy them apart
         degrees = rng.uniform(-self.rotation, self.rotation, len(indices))[share]
         return {"crop": torch.from_numpy(crops), "degrees": torch.from_numpy(degrees).float()}
+
+    def _crop(self, index: int, top: int, left: int, seed: int | None) -> npt.NDArray[np.uint8]:
+        """Return one crop (side, side, 3), changed if there is a seed."""
+        piece = self.photo(index)[top : top + self.side, left : left + self.side]
+        crop = mirrored(piece, self.side)
+        if self.augmentation is None or seed is None:
+            return crop
+        changed = self.augmentation(np.array(crop), np.random.default_rng(seed))
+        return mirrored(changed[: self.side, : self.side], self.side)
 
 
 Bank = InputBank | PhotoBank  # all training recordings of one sense

@@ -136,10 +136,12 @@ def fits_probabilities(classifier: SurfaceClassifier) -> bool:
 
 
 def fit_closed_form(network: Any, bank: Bank, labels: Indices, groups: Sequence[str]) -> None:  # noqa: ANN401
-    """Fit a network that has a method ``fit`` to all recordings."""
+    """Fit a network that has a method ``fit`` to all recordings and their perturbed copies."""
     inputs = cast(InputBank, bank).inputs
-    takes_groups = "groups" in inspect.signature(network.fit).parameters
-    network.fit(inputs, torch.from_numpy(labels), *([[*groups]] if takes_groups else []))
+    given: list[Any] = [inputs, torch.from_numpy(np.resize(labels, len(inputs)))]
+    if "groups" in inspect.signature(network.fit).parameters:
+        given.append([*groups] * (len(inputs) // len(labels)))
+    network.fit(*given)
 
 
 def fit_linear_head(
@@ -158,7 +160,7 @@ def fit_linear_head(
 
     Args:
         module: With pretrained weights in the trunk, on the device that computes the features.
-        photos: Photos of the training set.
+        photos: Photos of the training set, perturbed if that has an augmentation.
         labels: Class index of each; every class occurs.
         groups: What was recorded together, of each photo.
     """
@@ -219,6 +221,8 @@ def _view(photos: PhotoBank, number: int, module: SurfaceModule) -> Pixels:
     photo, side = photos.photo(number % len(photos.recordings)), module.fit_config["probe"]["side"]
     top, left = random_corner(photo, side, rng)
     view = np.array(photo[top : top + side, left : left + side])
+    if photos.augmentation is not None:
+        view = photos.augmentation(view, rng)
     return mirrored(view, module.network.window_size[0])
 
 

@@ -1,11 +1,11 @@
-"""All perturbations by name, with their scales from ``severities.yaml``."""
+"""All perturbations by name, with their scales from ``severities.yaml``, and training on them."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from omegaconf import OmegaConf
@@ -35,6 +35,7 @@ class Perturbation:
         unit: Unit of its values.
         levels: Values of severity 0 (nearly harmless) to 5.
         log: Whether the scale between levels is even in logarithms.
+        held_out: Whether it is kept from training.
         function: Dotted path of a user's, or name of the package's; None where that is ``name``.
     """
 
@@ -43,6 +44,7 @@ class Perturbation:
     unit: str
     levels: tuple[float, ...]
     log: bool = False
+    held_out: bool = False
     function: str | None = None
 
     @property
@@ -166,3 +168,40 @@ def _function(kind: Perturbation) -> Function:
         raise ValueError(f"{kind.name} names {name}, which is no function of the package")
     function: Function = resolve("stability.severities", name) if kind.is_users else known[name]
     return function
+
+
+@dataclass(frozen=True)
+class Augmentation:
+    """Change a share of the recordings, each by one perturbation at any severity up to the worst.
+
+    Attributes:
+        kinds: Perturbations of one modality, drawn evenly.
+        share: Share of the recordings that are changed.
+        rate: Sampling rate of signals in Hz; photos have none.
+    """
+
+    kinds: tuple[Perturbation, ...]
+    share: float = 1.0
+    rate: float = 0.0
+
+    @classmethod
+    def of(cls, names: Sequence[str], share: float = 1.0, rate: float = 0.0) -> Self | None:
+        """Return the augmentation by the named perturbations of the package; None without names."""
+        return cls(tuple(perturbations()[name] for name in names), share, rate) if names else None
+
+    def __call__(self, recording: Array, rng: np.random.Generator) -> Array:
+        """Return the recording as it is, or perturbed, which may change its size."""
+        if rng.random() >= self.share:
+            return recording
+        kind = self.kinds[int(rng.integers(len(self.kinds)))]
+        severity = SEVERITIES[-1] * float(rng.random())
+        return kind.apply(recording, severity, Scene(rng, self.rate))
+
+
+def trainable(modality: str) -> tuple[str, ...]:
+    """Return the names of the perturbations that may be trained on: those not held out."""
+    return tuple(
+        name
+        for name, kind in perturbations().items()
+        if kind.modality == modality and not kind.held_out
+    )

@@ -15,6 +15,7 @@ from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import Level, is_builtin
+from tex_lightning.perturbations.table import Augmentation
 from tex_lightning.senses.base import Change, Sense
 from tex_lightning.senses.features.image import ImageFeatures, crop_side, rotated_photos
 
@@ -89,7 +90,9 @@ class PhotoSense(Sense):
         learn: bool,
     ) -> PhotoBank:
         """Cut square crops, large enough to be rotated; see the base class."""
-        return PhotoBank(rows, store, crop_side(size, fit["rotation"]), fit["rotation"])
+        augmentation = Augmentation.of(fit["perturb"], fit["perturbed_share"])
+        rotation = fit["rotation"]
+        return PhotoBank(rows, store, crop_side(size, rotation), rotation, augmentation)
 
     def training_input(
         self, pieces: Mapping[str, Tensor], size: int, change: Change | None = None

@@ -1,9 +1,11 @@
 """The sense whose recordings are signals: traces of acceleration, sounds, forces."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -14,6 +16,7 @@ from tex_lightning.data.quality import Quality, Ranges, trace_measures, trace_qu
 from tex_lightning.data.recordings import Recording, plural
 from tex_lightning.data.store import Store, load_recording
 from tex_lightning.errors import UserError
+from tex_lightning.perturbations.table import Augmentation
 from tex_lightning.senses.base import Change, Sense, as_tensor
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
@@ -88,15 +91,20 @@ class SignalSense(Sense):
         seed: int,
         learn: bool,
     ) -> InputBank:
-        """Network inputs of all recordings; see the base class."""
+        """Network inputs of all recordings, then those of perturbed copies; see the base class.
+
+        The normalisation is that of the clean ones.
+        """
         features: Any = self.features
         if learn and hasattr(features, "learn"):
             features.learn(load_recording(row, store).to(self.device) for row in rows)
-        tracked = track(rows, f"Features of {plural(self.modality)}")
-        raw = InputBank((self._raw(load_recording(row, store)) for row in tracked), 1).inputs
+        clean = (self._raw(load_recording(row, store)) for row in self._tracked(rows))
+        perturbed = self._perturbed(rows, store, fit, seed)
+        raw = InputBank(chain(clean, perturbed), 1).inputs
         if learn and hasattr(features, "fit"):
-            features.fit(raw)
-        return InputBank(map(self._normalised, raw), size)
+            features.fit(raw[: len(rows)])
+        versions = len(raw) // len(rows)
+        return InputBank(map(self._normalised, raw), size, versions)
 
     @torch.no_grad()
     def _raw(self, recording: Tensor) -> Tensor:
@@ -112,6 +120,25 @@ class SignalSense(Sense):
         if hasattr(features, "magnitudes"):
             raw = features.normalise(raw.to(self.device))[None]
         return raw.cpu()
+
+    def _tracked(self, rows: Sequence[Recording]) -> Iterable[Recording]:
+        return track(rows, f"Features of {plural(self.modality)}")
+
+    def _perturbed(
+        self, rows: Sequence[Recording], store: Store, fit: Mapping[str, Any], seed: int
+    ) -> Iterator[Tensor]:
+        """Yield features of all signals perturbed; each copy and recording has its seed."""
+        augmentation = Augmentation.of(fit["perturb"], rate=self.decoder.sampling_rate)
+        if augmentation is None:
+            return
+        for copy in range(fit["perturbed_copies"]):
+            for number, row in enumerate(self._tracked(rows)):
+                rng = np.random.default_rng([seed, copy, number])
+                changed = torch.from_numpy(augmentation(np.array(store.load(row)), rng))
+                try:
+                    yield self._raw(changed)
+                except UserError:  # hardly anything was left of it
+                    yield self._raw(load_recording(row, store))
 
     def training_input(
         self, pieces: Mapping[str, Tensor], size: int, change: Change | None = None
