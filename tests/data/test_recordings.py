@@ -13,7 +13,6 @@ from tex_lightning.data.recordings import (
     Recording,
     Recordings,
     cut_part,
-    equal_parts,
     overlap,
     read_manifest,
     write_manifest,
@@ -125,12 +124,11 @@ def test_parts_overlap_if_they_share_a_point_inside(one, other):
 
 
 @given(st.integers(1, 12), st.integers(12, 60))
-def test_equal_parts_hold_every_sample_once(count, samples):
-    array, parts = np.arange(samples)[None], equal_parts(count)
-    pieces = [cut_part(array, part, Path("a.wav")) for part in parts]
+def test_adjacent_parts_hold_every_sample_once(count, samples):
+    array, borders = np.arange(samples)[None], np.linspace(0, 1, count + 1).tolist()
+    pieces = [cut_part(array, part, Path("a.wav")) for part in pairwise(borders)]
     np.testing.assert_array_equal(np.concatenate(pieces, axis=1), array)
     assert max(piece.shape[1] for piece in pieces) - min(piece.shape[1] for piece in pieces) <= 1
-    assert not any(overlap(*pair) for pair in pairwise(parts))
 
 
 ROWS = tuple(

@@ -9,7 +9,7 @@ could be called: skops itself would trust more, such as a ``FunctionTransformer`
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from io import BytesIO
 from typing import Any, ClassVar, Literal, Self
 from zipfile import ZipFile
@@ -184,9 +184,7 @@ class EstimatorBaseline(Baseline):
     """
 
     estimator_classes: ClassVar[tuple[str, ...]] = ()
-
-    def __post_init__(self) -> None:
-        self.estimator: Any = None
+    estimator: Any = field(init=False, repr=False, compare=False, default=None)
 
     @abstractmethod
     def features(self, recording: Array) -> Array:

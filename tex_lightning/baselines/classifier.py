@@ -76,6 +76,8 @@ class Movement(nn.Module):
         sampling_rate: Sampling rate in Hz.
     """
 
+    counts_samples = True
+
     def __init__(self, skip_impact: bool, sampling_rate: float) -> None:
         super().__init__()
         self.skip_impact, self.sampling_rate = skip_impact, sampling_rate
@@ -165,15 +167,6 @@ def as_baseline_takes_it(x: Tensor) -> "Array":
     return array
 
 
-class MovementSense(SignalSense):
-    """Signals for baselines."""
-
-    @property
-    def tells_input_size(self) -> bool:
-        """Return True: the movement itself is measured."""
-        return True
-
-
 def _baseline_sense(card: Card, baseline: "Baseline") -> Sense:
     """Make the sense whose network is the baseline; the network of its node is not made."""
     (sense,), (values,) = card.sense_names, card.senses.values()
@@ -190,7 +183,7 @@ def _baseline_sense(card: Card, baseline: "Baseline") -> Sense:
         return PhotoSense(sense, values["modality"], decoder, Pixels(), network)
     baseline.sampling_rate = decoder.sampling_rate
     moving = Movement(values.get("skip_impact", False), decoder.sampling_rate)
-    return MovementSense(sense, values["modality"], decoder, moving, network)
+    return SignalSense(sense, values["modality"], decoder, moving, network)
 
 
 class BaselineClassifier(SurfaceClassifier):

@@ -43,6 +43,9 @@ class Cepstra:
         spacing: Spacing of the filters, mel or decreasing; see :func:`filter_edges`.
         first: First coefficient kept, counted from 1, which is the level.
         last: Last coefficient kept.
+
+    Raises:
+        UserError: If that takes up too much memory, or gives no coefficients.
     """
 
     window_seconds: float
@@ -53,12 +56,7 @@ class Cepstra:
     first: int
     last: int
 
-    def check(self) -> None:
-        """Refuse what takes up too much memory, or has no coefficients.
-
-        Raises:
-            UserError: Saying what is possible.
-        """
+    def __post_init__(self) -> None:
         bounded = (
             self.window_seconds <= min(MAX_SECONDS, MAX_OVERLAP * self.hop_seconds)
             and 0 < self.hop_seconds <= MAX_SECONDS
@@ -131,10 +129,6 @@ class MfccMixtures(EstimatorBaseline, Cepstra):
 
     kind: ClassVar = "haptic"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.check()
-
     def with_budget(self, budget: float) -> Self:
         """Fewer components."""
         return replace(self, components=max(1, int(self.components * budget)))
@@ -182,10 +176,6 @@ class MfccNaiveBayes(EstimatorBaseline, Cepstra):
     """One mean and one variance for each class and coefficient; a whole trace is one fragment."""
 
     kind: ClassVar = "haptic"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.check()
 
     def features(self, recording: Array) -> Array:
         """Mean of the frames' coefficients (last - first + 1,)."""

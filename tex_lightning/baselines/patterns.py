@@ -38,7 +38,6 @@ class LocalBinaryPatterns(EstimatorBaseline):
     kind: ClassVar = "visual"
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         self.min_side = 2 * max(self.radii) + 1
 
     def features(self, recording: Array) -> Array:

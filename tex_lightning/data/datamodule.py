@@ -6,7 +6,6 @@ interruption change what the network sees.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -62,7 +61,7 @@ class TrainingBatches(Dataset[Batch]):
     def _next_in_permutation(self, step: int, count: int) -> Indices:
         positions = step * self.batch_size + np.arange(self.batch_size)
         rounds = {
-            number: _permutation(self.seed, number, count)
+            number: np.random.default_rng([self.seed, UNSEEN + number]).permutation(count)
             for number in np.unique(positions // count).tolist()
         }
         return np.array([rounds[place // count][place % count] for place in positions])
@@ -178,12 +177,6 @@ class SurfaceData(LightningDataModule):
             sampler=numbers[self._share()] or numbers,
             generator=torch.Generator(),
         )
-
-
-@lru_cache(maxsize=4)
-def _permutation(seed: int, number: int, count: int) -> Indices:
-    """Order of all recordings in one round; of many recordings it takes longer than a batch."""
-    return np.random.default_rng([seed, UNSEEN + number]).permutation(count)
 
 
 def _partners(labels: Indices, pool: Indices, rng: np.random.Generator) -> Indices:

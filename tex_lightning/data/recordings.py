@@ -11,7 +11,6 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
@@ -25,13 +24,6 @@ from tex_lightning.text import from_cell, to_cell
 
 Part = tuple[float, float]
 WHOLE: Part = (0.0, 1.0)
-DIGITS = 6  # of a fraction that is no user's
-
-
-def equal_parts(count: int) -> list[Part]:
-    """Divide a file into so many parts of equal size, in order."""
-    borders = [round(number / count, DIGITS) for number in range(count + 1)]
-    return list(pairwise(borders))
 
 
 def write_part(part: Part) -> str:

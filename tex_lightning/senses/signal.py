@@ -48,8 +48,8 @@ class SignalSense(Sense):
 
     @property
     def tells_input_size(self) -> bool:
-        """Whether the features are a spectrogram, whose frames can be counted."""
-        return self.spectrogram is not None
+        """Whether the features are a spectrogram or a baseline's, whose length can be counted."""
+        return self.spectrogram is not None or hasattr(self.features, "counts_samples")
 
     def check_input(self, height: int, width: int) -> None:
         """Refuse a spectrogram that is too short for one fragment; see the base class."""

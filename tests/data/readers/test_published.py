@@ -11,7 +11,6 @@ from haptic_sets import RATE, STROKES, SURFACES, read, tone, write_cluster, writ
 from PIL import Image
 
 from tex_lightning.data.decode import SignalDecoder
-from tex_lightning.data.recordings import write_manifest
 from tex_lightning.errors import UserError
 
 
@@ -91,15 +90,13 @@ def test_tum_takes_photo_classes_from_their_order(tiny):
     assert {row.sampling_rate for row in rows.of("haptic")} == {10_000}
 
 
-def test_photos_of_tum_are_counted_or_named_by_a_manifest(copy):
+def test_photos_of_tum_are_counted(copy):
     photos = copy / "tum" / "Training" / "Images"
-    write_manifest(read(*given(copy, "tum")), copy / "m.csv")
     shutil.copytree(photos, photos.with_name("ImageMagnified"))
     assert len(read(*given(copy, "tum")).of("image")) == 30
     shutil.copytree(photos, photos.with_name("Other"))
     with pytest.raises(UserError, match="holds 60 photos, but 3 classes need 10 each"):
         read(*given(copy, "tum"))
-    assert len(read(*given(copy, "tum", f"data.manifest={copy}/m.csv")).of("image")) == 30
     for folder in (photos, photos.with_name("Other")):
         shutil.rmtree(folder)
     assert len(read(*given(copy, "tum"))) == 30

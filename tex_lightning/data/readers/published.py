@@ -22,7 +22,7 @@ from pathlib import Path
 
 from tex_lightning.config.keys import choice
 from tex_lightning.data.decode import IMAGE_SUFFIXES
-from tex_lightning.data.recordings import Recording, Recordings, natural_key, read_manifest
+from tex_lightning.data.recordings import Recording, Recordings, natural_key
 from tex_lightning.data.traces import TRACE_SUFFIXES, stands_for_all
 from tex_lightning.errors import UserError
 
@@ -116,13 +116,8 @@ class PatternReader:
 
 @dataclass(kw_only=True)
 class TumReader(PatternReader):
-    """The TUM haptic texture database, whose photos tell their classes by their order.
+    """The TUM haptic texture database, whose photos tell their classes by their order."""
 
-    Attributes:
-        manifest: File that names the photos' classes; None where their order does.
-    """
-
-    manifest: str | None
     per_class = 10  # photos
 
     def read(self) -> Recordings:
@@ -132,10 +127,7 @@ class TumReader(PatternReader):
             UserError: If there are no traces, or another number of photos than ten per class.
         """
         traces = super().read()
-        if self.manifest is not None:
-            photos = read_manifest(Path(self.manifest).expanduser()).of("image").rows
-        else:
-            photos = self._photos(self.folder / "Training", traces.classes)
+        photos = self._photos(self.folder / "Training", traces.classes)
         return Recordings((*traces.rows, *photos), traces.notes)
 
     def _photos(self, training: Path, labels: list[str]) -> tuple[Recording, ...]:
@@ -149,7 +141,7 @@ class TumReader(PatternReader):
         if photos and len(photos) != self.per_class * len(labels):
             raise UserError(
                 f"Folder {training} holds {len(photos)} photos, but {len(labels)} classes need "
-                f"{self.per_class} each; correct that, or name their classes in data.manifest."
+                f"{self.per_class} each; correct that, or list all files for data=manifest."
             )
         return tuple(
             Recording(labels[number // self.per_class], "image", path, number % self.per_class)
