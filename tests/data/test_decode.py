@@ -11,7 +11,6 @@ from tex_lightning.data.decode import (
     SignalDecoder,
     as_photo,
     as_trace,
-    decode_image,
     halve,
 )
 from tex_lightning.data.traces import axis_files
@@ -140,16 +139,16 @@ def test_photos_come_upright_in_rgb(tmp_path):
     photo[:, :20] = (200, 100, 0)
     image = Image.fromarray(photo)
     image.save(tmp_path / "p.png")
-    whole = decode_image(tmp_path / "p.png", PhotoDecoder(half_scale=False))
+    whole = PhotoDecoder(half_scale=False).decode(tmp_path / "p.png")[0]
     np.testing.assert_array_equal(whole, photo)
-    assert decode_image(tmp_path / "p.png", PHOTO).shape == (10, 20, 3)
+    assert PHOTO.decode(tmp_path / "p.png")[0].shape == (10, 20, 3)
     exif = Image.Exif()
     exif[0x0112] = 6  # to be turned clockwise
     image.save(tmp_path / "turned.png", exif=exif)
-    turned = decode_image(tmp_path / "turned.png", PhotoDecoder(half_scale=False))
+    turned = PhotoDecoder(half_scale=False).decode(tmp_path / "turned.png")[0]
     np.testing.assert_array_equal(turned, np.rot90(photo, -1))
     image.convert("L").save(tmp_path / "grey.png")
-    assert decode_image(tmp_path / "grey.png", PHOTO).shape == (10, 20, 3)
+    assert PHOTO.decode(tmp_path / "grey.png")[0].shape == (10, 20, 3)
 
 
 @pytest.mark.parametrize("suffix", ["jpg", "png"])
@@ -160,7 +159,7 @@ def test_truncated_photos_are_refused(tmp_path, suffix):
     cut = tmp_path / f"cut.{suffix}"
     cut.write_bytes(whole.read_bytes()[:-2000])
     with pytest.raises(UserError, match="damaged"):
-        decode_image(cut, PHOTO)
+        PHOTO.decode(cut)[0]
 
 
 def test_postscript_in_a_photo_starts_no_program(tmp_path, monkeypatch):
@@ -172,7 +171,7 @@ def test_postscript_in_a_photo_starts_no_program(tmp_path, monkeypatch):
     monkeypatch.setattr(EpsImagePlugin, "gs_binary", None)  # which it looks for once
     head = "%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\n"
     photo.write_text(f"{head}showpage\n%%EOF\n")
-    with pytest.raises(UserError, match="is in no known image format; use JPEG or PNG"):
+    with pytest.raises(UserError, match="is in no known format; use JPEG or PNG"):
         PHOTO.decode(photo)
     assert not mark.exists()
 

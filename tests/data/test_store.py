@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tex_lightning.data.decode import PhotoDecoder, SignalDecoder, decode_image
+from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store, cache_root
@@ -30,7 +30,7 @@ def entries(store: Store) -> set[Path]:
 def test_gives_what_decoding_gives_from_a_read_only_map(store, surfaces):
     trace, photo = (read_folder(surfaces).of(modality).rows[0] for modality in ("haptic", "image"))
     np.testing.assert_array_equal(store.load(trace), SignalDecoder().decode(trace.path)[0])
-    np.testing.assert_array_equal(store.load(photo), decode_image(photo.path, PhotoDecoder()))
+    np.testing.assert_array_equal(store.load(photo), PhotoDecoder().decode(photo.path)[0])
     assert isinstance(store.load(trace), np.memmap)
     with pytest.raises(ValueError, match="read-only"):
         store.load(trace)[0, 0] = 1

@@ -6,7 +6,7 @@ import soundfile
 from conftest import make_photo, make_trace
 from PIL import Image
 
-from tex_lightning.data.decode import PhotoDecoder, SignalDecoder, decode_image
+from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning_runtime import UserError
 from tex_lightning_runtime.recordings import decode, read_trace, resample
 
@@ -117,7 +117,7 @@ def test_photos_are_those_of_the_package(tmp_path, mode):
     exif = Image.Exif()
     exif[0x0112] = 6  # lies on its side
     image.save(path, exif=exif)
-    expected = decode_image(path, PhotoDecoder(False))
+    expected = PhotoDecoder(False).decode(path)[0]
     np.testing.assert_array_equal(decode(path, PHOTO).array, expected)
 
 

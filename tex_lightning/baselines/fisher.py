@@ -21,7 +21,6 @@ from torch import Tensor, nn
 
 from tex_lightning.baselines.base import Array, Baseline, State
 from tex_lightning.core.progress import track
-from tex_lightning.errors import UserError
 from tex_lightning.networks.geometry import side_after
 from tex_lightning.networks.trunks import TRUNKS, Trunk, published
 from tex_lightning.networks.weights import load_trunk_weights, warn_of_random_weights
@@ -51,8 +50,6 @@ class FisherVectors(Baseline):
         descriptors: Most features (positions of the map) that each of these gives.
         cost: C of the SVMs.
 
-    Raises:
-        UserError: If there is no such trunk.
     """
 
     trunk: str
@@ -67,11 +64,6 @@ class FisherVectors(Baseline):
     MIN_SIDE: ClassVar = 30
 
     def __post_init__(self) -> None:
-        known = [name for name, trunk in TRUNKS.items() if trunk.final]
-        if self.trunk not in known:
-            raise UserError(
-                f"model.baseline.trunk={self.trunk} is unknown; choose one of {', '.join(known)}."
-            )
         self.frozen: Trunk | None = None
         self.pixels = ImageFeatures()
         before = TRUNKS[self.trunk].geometry[:-1]  # the trunk's pooling

@@ -111,8 +111,52 @@ class PhotoDecoder:
     precision: ClassVar[str] = ".2g"
 
     def decode(self, path: Path, rate: float | None = None) -> tuple[Photo, None]:
-        """Decode a photo as :func:`decode_image` does."""
-        return decode_image(path, self), None
+        """Read a photo as RGB, upright, halved or resized if so configured.
+
+        Args:
+            path: An image file.
+            rate: Of no meaning for a photo.
+
+        Returns:
+            uint8 array of shape (height, width, 3); no rate.
+
+        Raises:
+            UserError: If the file is missing, empty, truncated, no image, or not 8 bits a channel.
+        """
+        require_file(path)
+        suppress_libtiff()
+        try:
+            with suppress_warnings(), Image.open(path, formats=IMAGE_FORMATS) as image:
+                if image.mode.startswith(("I", "F")):
+                    raise UserError(f"Image {path} has {image.mode} pixels; save it with 8 bits.")
+                ImageOps.exif_transpose(image, in_place=True)
+                photo = np.array(image.convert("RGB"))
+        except UnidentifiedImageError as error:
+            raise UserError(f"Image {path} is in no known format; use JPEG or PNG.") from error
+        except UserError:
+            raise
+        except Exception as error:  # damage shows in as many ways as there are formats
+            raise UserError(
+                f"Image {path} is damaged or too large ({reason(error)}); replace the file."
+            ) from error
+        return self.scale(photo, f"Image {path}"), None
+
+    def scale(self, photo: Photo, name: str) -> Photo:
+        """Halve or resize a photo (height, width, 3).
+
+        Of one that is not resized the middle is kept if it has more than 16.8 megapixels then.
+
+        Raises:
+            UserError: If there is too little to be halved, beginning with ``name``.
+        """
+        if self.resize is not None:
+            square = self.resize, self.resize
+            return np.array(Image.fromarray(photo).resize(square, Image.Resampling.BILINEAR))
+        if self.half_scale:
+            if min(photo.shape[:2]) < 2:
+                raise UserError(f"{name} is too thin to be halved; set data.half_scale=false.")
+            photo = halve(photo)
+        return _middle(photo)
 
     def assuming(self, rate: float | None) -> Self:
         """Return the decoder itself; photos have no rate."""
@@ -182,56 +226,6 @@ def rate_ratio(source: float, target: float, name: str) -> Fraction:
             "that is not in seconds is called time_ms or time_us)."
         )
     return Fraction(target / source).limit_denominator(10_000)
-
-
-def decode_image(path: Path, settings: PhotoDecoder) -> Photo:
-    """Read a photo as RGB, upright, halved or resized if so configured.
-
-    Args:
-        path: An image file.
-        settings: Whether it is halved or resized.
-
-    Returns:
-        uint8 array of shape (height, width, 3).
-
-    Raises:
-        UserError: If the file is missing, empty, truncated, no image, or not 8 bits a channel.
-    """
-    require_file(path)
-    suppress_libtiff()
-    try:
-        with suppress_warnings(), Image.open(path, formats=IMAGE_FORMATS) as image:
-            if image.mode.startswith(("I", "F")):
-                raise UserError(f"Image {path} has {image.mode} pixels; save it with 8 bits.")
-            ImageOps.exif_transpose(image, in_place=True)
-            photo = np.array(image.convert("RGB"))
-    except UnidentifiedImageError as error:
-        raise UserError(f"Image {path} is in no known image format; use JPEG or PNG.") from error
-    except Image.DecompressionBombError as error:
-        raise UserError(f"Image {path} is too large ({reason(error)}); scale it down.") from error
-    except UserError:
-        raise
-    except Exception as error:  # damage shows in as many ways as there are formats
-        raise UserError(f"Image {path} is damaged ({reason(error)}); replace the file.") from error
-    return to_size(photo, settings, f"Image {path}")
-
-
-def to_size(photo: Photo, settings: PhotoDecoder, name: str) -> Photo:
-    """Halve or resize a photo (height, width, 3) as the settings say.
-
-    Of one that is not resized the middle is kept if it has more than 16.8 megapixels then.
-
-    Raises:
-        UserError: If there is too little to be halved, beginning with ``name``.
-    """
-    if settings.resize is not None:
-        square = settings.resize, settings.resize
-        return np.array(Image.fromarray(photo).resize(square, Image.Resampling.BILINEAR))
-    if settings.half_scale:
-        if min(photo.shape[:2]) < 2:
-            raise UserError(f"{name} is too thin to be halved; set data.half_scale=false.")
-        photo = halve(photo)
-    return _middle(photo)
 
 
 def halve(photo: Photo) -> Photo:
@@ -328,7 +322,7 @@ def as_photo(image: Any, settings: PhotoDecoder, colour: str, key: str = "image"
     if colour not in ("rgb", "bgr"):
         raise UserError(f"colour is {colour!r}; choose rgb or bgr.")
     pixels = array[..., ::-1] if colour == "bgr" else array
-    return to_size(np.array(pixels, order="C"), settings, key)  # copied: some are read-only
+    return settings.scale(np.array(pixels, order="C"), key)  # copied: some are read-only
 
 
 def _as_array(values: Any, key: str) -> npt.NDArray[Any]:  # noqa: ANN401

@@ -195,18 +195,10 @@ def _read_array(path: Path) -> Table:
     return np.array(array, np.float64), None
 
 
-def _check_text(path: Path) -> None:
-    """Refuse text that would not fit into memory as numbers."""
-    if (size := path.stat().st_size) > MAX_TEXT:
-        raise ValueError(
-            f"it is {size / 2**20:,.0f} MiB of text, and {MAX_TEXT >> 20} are the most: save it as "
-            "WAV or .npy, or in parts"
-        )
-
-
 def _read_text(path: Path) -> Table:
     """Read the columns of a text file and take its column of time out of them."""
-    _check_text(path)
+    if (size := path.stat().st_size) > MAX_TEXT:
+        raise ValueError(f"it is {size:,} bytes of text, more than {MAX_TEXT:,}; save it as WAV")
     check_lines(path)
     text = path.read_bytes().decode("utf-8-sig", errors="replace").replace('"', "")
     lines = [line for raw in text.splitlines() if (line := raw.strip().rstrip(";,\t "))]
@@ -243,14 +235,14 @@ def _cells(line: str) -> list[str]:
 
 
 def _find_time(names: list[list[str]], table: Array) -> tuple[int, float] | None:
-    """Find index and unit in seconds of the column of time; units may stand below names."""
-    for row, below in zip(names, [*names[1:], [""] * table.shape[1]], strict=False):
+    """Find index and unit in seconds of the column of time."""
+    for row in names:
         words = [_words(name) for name in row]
         times = [index for index, name in enumerate(words) if name and name[0] in TIMES]
         if len(times) > 1:
             raise ValueError(f"it has {len(times)} columns of time; keep one")
         for index in times:
-            unit = (words[index][1:] or _words(below[index]) or words[index])[-1]
+            unit = words[index][-1]
             if unit not in SECONDS:
                 raise ValueError(
                     f"its column {shorten(repr(row[index]))} has an unknown unit; call it time_s, "

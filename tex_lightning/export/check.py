@@ -16,7 +16,7 @@ from torch import Tensor
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import DataConfig
 from tex_lightning.core.progress import track
-from tex_lightning.data.decode import Decoder, PhotoDecoder, to_size
+from tex_lightning.data.decode import Decoder, PhotoDecoder
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recording
@@ -106,7 +106,7 @@ def decoded(sample: Sample, classifier: SurfaceClassifier) -> Sample:
     result = dict(sample)
     for sense in classifier.senses.values():
         if isinstance(sense.decoder, PhotoDecoder):
-            photo = to_size(sample[sense.modality].numpy(), sense.decoder, "The photo")
+            photo = sense.decoder.scale(sample[sense.modality].numpy(), "The photo")
             result[sense.modality] = torch.from_numpy(photo)
     return result
 

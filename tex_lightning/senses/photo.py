@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from tex_lightning.data.banks import PhotoBank
-from tex_lightning.data.decode import Array, PhotoDecoder, as_photo, decode_image
+from tex_lightning.data.decode import Array, PhotoDecoder, as_photo
 from tex_lightning.data.quality import Quality, Ranges, photo_quality
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
@@ -124,7 +124,7 @@ class PhotoSense(Sense):
     ) -> tuple[Tensor, Quality]:
         """Decode a file or pixels; ``colour`` is the order of an array's colours."""
         if isinstance(given, str | Path):
-            photo = decode_image(Path(given).expanduser(), self.decoder)
+            photo = self.decoder.decode(Path(given).expanduser())[0]
         else:
             photo = as_photo(given, self.decoder, colour, self.modality)
         return torch.from_numpy(photo), photo_quality(photo, ranges, self.what)

@@ -194,7 +194,6 @@ def test_what_is_not_read_is_noted(copy, name, file, change, note):
         (["data=tum"], r"Folder \. holds no LABEL_query0\.txt; check data\.root"),
         (["data=kylberg", "data.group_by=surfaces"], r"did you mean surface\?"),
         (["data=cluster", "data.group_by=velocity"], "choose speed, direction, force, repetition"),
-        (["data=lmt108", "data.reader.split=both"], "choose training, testing"),
     ],
 )
 def test_empty_folders_and_unknown_choices_raise_errors(overrides, message, monkeypatch, tmp_path):

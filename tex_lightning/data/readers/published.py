@@ -26,8 +26,6 @@ from tex_lightning.data.recordings import Recording, Recordings, natural_key
 from tex_lightning.data.traces import TRACE_SUFFIXES, stands_for_all
 from tex_lightning.errors import UserError
 
-HALVES = ("training", "testing")
-
 
 @dataclass(kw_only=True)
 class PatternReader:
@@ -46,7 +44,7 @@ class PatternReader:
         split: Half that is read, where the path has a group ``split``: ``training``, ``testing``.
 
     Raises:
-        UserError: If ``group_by`` or ``split`` is unknown.
+        UserError: If ``group_by`` is unknown.
     """
 
     root: str
@@ -57,14 +55,12 @@ class PatternReader:
     groups: Mapping[str, int]
     conditions: Sequence[str] = ()
     rate: float | None = None
-    split: str = HALVES[0]
+    split: str = "training"
 
     def __post_init__(self) -> None:
         self.folder = Path(self.root).expanduser()
-        known = {"data.group_by": tuple(self.groups), "data.reader.split": HALVES}
-        for (key, choices), value in zip(known.items(), (self.group_by, self.split), strict=True):
-            for complaint in choice(key, value, choices):
-                raise UserError(f"{complaint}.")
+        for complaint in choice("data.group_by", self.group_by, tuple(self.groups)):
+            raise UserError(f"{complaint}.")
 
     def read(self) -> Recordings:
         """Read all modalities; the groups count the values of ``group_by`` that are there.
