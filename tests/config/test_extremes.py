@@ -44,7 +44,7 @@ CASES = [
         "model.fusion.level=fc3", "decision=sequential decision.pairs=1",
     )],
     *[(FRONTIER, case) for case in (
-        "frontier.rounds=1 data.per_class=1", "frontier.senses=[haptic]", "crossval.only=[0]",
+        "data.per_class=1", "frontier.senses=[haptic]", "crossval.only=[0]",
         "+frontier.systems.bands=null",
     )],
     *[(STABILITY, case) for case in ("stability.only=[]", "stability.systems=[BANDS,BANDS]")],

@@ -129,7 +129,6 @@ class FrontierConfig:
     )
     senses: list[str] | None = key("senses whose subsets are systems of model=NAME", default=None)
     only: list[str] | None = key("some of the systems by name; null runs all", default=None)
-    rounds: int = key("rounds of timing; each times every system", ROUNDS)
 
 
 @dataclass

@@ -1,41 +1,27 @@
-"""Compose the systems of a family, train and test them on the same folds, and time them."""
+"""Compose the systems of a family, and train and test them on the same folds."""
 
-import itertools
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import combinations
-from math import ceil
 from pathlib import Path
-from statistics import fmean, median
+from statistics import fmean
 from typing import Any
 
-from torch import Tensor
-
-from tex_lightning.baselines.classifier import load_classifier, make_baseline
-from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.baselines.classifier import make_baseline
 from tex_lightning.config import Config
 from tex_lightning.config.check import check_config
 from tex_lightning.config.composition import Job, read_config
 from tex_lightning.config.instantiation import named_classes, trust
-from tex_lightning.core.devices import pick_device
 from tex_lightning.core.progress import Stage
-from tex_lightning.data.decode import Decoder
-from tex_lightning.data.folds import make_samples
-from tex_lightning.data.readers import read_recordings
-from tex_lightning.data.store import load_sample
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
-from tex_lightning.inference.early_stopping import SEQUENTIAL, make_inference_model
-from tex_lightning.studies.dataset import open_store, show_opening
+from tex_lightning.inference.early_stopping import SEQUENTIAL
+from tex_lightning.studies.dataset import show_opening
 from tex_lightning.studies.fold import finished_fold, open_training, run_fold
-from tex_lightning.studies.timing import interleaved, waiting
 
 NETWORKS = "networks"
 OWN_SECTIONS = ("task", "frontier", "crossval")  # keys that say nothing of a single system
-WARM_UP = 3
-TIMED = 15  # tested samples, at most, that every system is timed on
 
 log = logging.getLogger(__name__)
 
@@ -52,8 +38,6 @@ class System:
         fit_seconds: Mean over the trainings, parts of a FusionNet included.
         tests: Outcomes by tested fold.
         skipped: Files that it went without.
-        latency: ``median`` and ``p95`` of all timed calls in ms, and ``mean``, over the samples, of
-            the median of each: a sequential decision is short for some and long for others.
     """
 
     name: str
@@ -63,12 +47,11 @@ class System:
     fit_seconds: float = 0.0
     tests: dict[int, list[Outcome]] = field(default_factory=dict)
     skipped: list[dict[str, str]] = field(default_factory=list)
-    latency: dict[str, float] = field(default_factory=dict)
 
     @property
     def cost(self) -> float:
-        """Mean time of one sample in ms."""
-        return self.latency["mean"]
+        """Mean time of one sample in ms: a sequential decision is short for some."""
+        return fmean(outcome.latency_ms for outcome in self.outcomes)
 
     @property
     def outcomes(self) -> list[Outcome]:
@@ -177,53 +160,3 @@ def measure_family(systems: Sequence[System], folds: Sequence[int], directory: P
             system.entry = entries[0][config.model.kind]
             seconds = [sum(part["fit_seconds"] for part in entry.values()) for entry in entries]
             system.fit_seconds = fmean(seconds)
-
-
-def measure_latencies(systems: Sequence[System], rounds: int) -> None:
-    """Time one sample by every system, all interleaved in one run.
-
-    The samples are of the first tested fold: of those that a network was trained on it is surer,
-    and a sequential decision quicker, than it will be.
-
-    Args:
-        systems: The systems, measured, whose latencies are filled in.
-        rounds: In each every system classifies one sample.
-    """
-    calls: dict[str, Callable[[], object]] = {}
-    counts: dict[str, int] = {}
-    recordings: dict[tuple[tuple[str, Decoder], ...], list[dict[str, Tensor]]] = {}
-    for system in systems:
-        config = system.config
-        device = pick_device(config.trainer.accelerator)
-        trained = load_classifier(system.entry["checkpoint"]).to(device)
-        decoded = tuple((sense.modality, sense.decoder) for sense in trained.senses.values())
-        if decoded not in recordings:  # such systems classify the same samples
-            recordings[decoded] = _timed_samples(system, trained)
-        classifier = make_inference_model(trained, config.engine, config.decision)
-        counts[system.name] = len(recordings[decoded])
-        call = partial(_classify_next, classifier, itertools.cycle(recordings[decoded]))
-        calls[system.name] = waiting(call, device)
-    log.info("Timing %d systems on the same samples.", len(calls))
-    timings = interleaved(calls, rounds, WARM_UP)
-    for system in systems:
-        timing, count = timings[system.name], counts[system.name]
-        per_sample = [timing.calls[sample::count] for sample in range(count)]
-        mean = fmean(median(times) for times in per_sample if times)
-        system.latency = {"mean": mean, "median": timing.median, "p95": timing.p95}
-
-
-def _timed_samples(system: System, classifier: SurfaceClassifier) -> list[dict[str, Tensor]]:
-    """Decode samples of the first tested fold, which the first network has not seen."""
-    outcomes = next(iter(system.tests.values()))
-    files = {path for outcome in outcomes for path in outcome.files.values()}
-    modalities = system.config.model.modalities
-    rows = read_recordings(system.config.data, modalities)
-    tested = rows.without(row for row in rows if row.source not in files)
-    samples, store = make_samples(tested, modalities), open_store(system.config.data, classifier)
-    timed = samples[:: ceil(len(samples) / TIMED)]
-    return [load_sample(sample, store) for sample in timed]
-
-
-def _classify_next(classifier: SurfaceClassifier, samples: Iterator[dict[str, Tensor]]) -> object:
-    """Classify another sample each time: a sequential decision costs more for some."""
-    return classifier.classify(**next(samples))

@@ -31,7 +31,6 @@ from tex_lightning.studies.family import (
     System,
     compose_family,
     measure_family,
-    measure_latencies,
     with_system,
 )
 from tex_lightning.studies.fold import chosen_folds
@@ -49,7 +48,6 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     systems = compose_family(config, job)
     folds = chosen_folds(config.data.folds, config.crossval.only)
     measure_family(systems, folds, directory / "systems")
-    measure_latencies(systems, config.frontier.rounds)
     chosen = _choose(systems, folds)
     skipped = {file["path"]: file for system in systems for file in system.skipped}
     rows, procedure = _rows(systems, chosen), _measure_choice(systems)
@@ -120,14 +118,15 @@ def _rows(systems: Sequence[System], chosen: System) -> list[dict[str, Any]]:
         macs = system.entry["macs_per_sample"]
         if macs is not None:  # those that a sequential decision does not do are left out
             macs = round(macs * fmean(outcome.relative_macs for outcome in system.outcomes))
-        low, high = summaries[system.name]["vote_ci95"]
+        summary = summaries[system.name]
+        low, high = summary["vote_ci95"]
         row = {
             "system": system.name,
             "kind": system.config.model.kind,
             "parameters": system.entry["parameters"],
             "macs": macs,
-            "latency_ms_median": system.latency["median"],
-            "latency_ms_p95": system.latency["p95"],
+            "latency_ms_median": summary["latency_ms"]["median"],
+            "latency_ms_p95": summary["latency_ms"]["p95"],
             "fit_seconds": system.fit_seconds,
             "vote_accuracy": accuracies[system.name],
             "ci_low": low,
