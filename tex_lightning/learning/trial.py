@@ -11,12 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from tex_lightning.baselines.classifier import (
-    BaselineClassifier,
-    FittedBaseline,
-    as_part,
-    make_baseline,
-)
+from tex_lightning.baselines.classifier import BaselineClassifier, FittedBaseline, as_part
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, ModelConfig
@@ -58,10 +53,10 @@ def try_training(config: Config, card: Card, directory: Path) -> list[Sense]:
     model, sources = config.model, config.sources
     loggers = open_loggers(config.logger, directory, card.kind)
     if model.baseline is not None:
-        baseline = make_baseline(model.name, model.baseline, model.budget)
+        classifier = BaselineClassifier(card)
         for source in sources.values():
-            baseline.load_weights(source)
-        return [*BaselineClassifier(card).senses.values()]
+            classifier.baseline.load_weights(source)
+        return [*classifier.senses.values()]
     callbacks, fit = build_callbacks(config.callbacks, config.trainer.flags), model.fit_values
     with quiet_lightning():
         make_trainer(

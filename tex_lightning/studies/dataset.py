@@ -4,7 +4,6 @@ import logging
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from statistics import median
 
 from rich.text import Text
 
@@ -22,8 +21,6 @@ from tex_lightning.errors import UserError, listed
 from tex_lightning.senses.base import Sense
 from tex_lightning.studies.leaks import refuse_leak
 from tex_lightning.text import printable_lines
-
-FACTOR = 2  # by which a duration differs from the median where its rate may be wrong
 
 log = logging.getLogger(__name__)
 
@@ -222,30 +219,19 @@ def _spread(values: Sequence[float], unit: str, form: str) -> str:
 
 
 def rate_warnings(signals: Recordings, store: Store) -> list[str]:
-    """Warn of signals of a much lower rate than others, and of assumed rates that seem wrong."""
+    """Warn of signals of a much lower rate than others."""
     modality = signals.rows[0].modality
-    decoder, kind, warnings = store.decoders[modality], plural(modality), []
+    decoder = store.decoders[modality]
     if not isinstance(decoder, SignalDecoder):
         return []
-    rates = {row: store.rate(row) for row in signals}
-    highest = min(max(rate.hz for rate in rates.values()), decoder.sampling_rate)
-    low = [row for row, rate in rates.items() if rate.hz * MEASURES["rate"][0] < highest]
-    if low:
-        slowest = min(low, key=lambda row: rates[row].hz)
-        hz = rates[slowest].hz
-        warnings.append(
-            f"{len(low)} of {len(rates)} {kind} have a lower rate than the {highest:,.6g} Hz of "
-            f"others, {hz:,.6g} Hz in {slowest.path.name}, and nothing above half of it: record "
-            f"all at one rate, or set data.sampling_rate={hz:g}."
-        )
-    seconds = {row: store.extent(row) for row in rates}
-    middle = median(seconds.values())
-    odd = [row for row in rates if not middle / FACTOR < seconds[row] < FACTOR * middle]
-    if odd := [row for row in odd if rates[row].source == "assumed"]:
-        warnings.append(
-            f"Is {rates[odd[0]].hz:,.6g} Hz the rate of all files that name none? At this assumed "
-            f"rate {len(odd)} {kind} last much longer or shorter than the median of {middle:.3g} s,"
-            f" {odd[0].path} {seconds[odd[0]]:.3g} s for one. If not, correct data.file_rate, or "
-            "give these files their rate (a column of the manifest)."
-        )
-    return warnings
+    rates = {row: store.rate(row).hz for row in signals}
+    highest = min(max(rates.values()), decoder.sampling_rate)
+    low = [row for row, hz in rates.items() if hz * MEASURES["rate"][0] < highest]
+    if not low:
+        return []
+    slowest = min(low, key=lambda row: rates[row])
+    return [
+        f"{len(low)} of {len(rates)} {plural(modality)} have a lower rate than the {highest:,.6g} "
+        f"Hz of others, {rates[slowest]:,.6g} Hz in {slowest.path.name}, and nothing above half of "
+        f"it: record all at one rate, or set data.sampling_rate={rates[slowest]:g}."
+    ]

@@ -222,8 +222,8 @@ def given_start(path: Path, card: Card, test: Recordings, data: DataConfig) -> S
         data: How this run was told what to test.
 
     Raises:
-        UserError: If it is no such network, classes or decoding differ, or it has seen the fold
-            that this run tests.
+        UserError: If it is no such network, classes differ, or it has seen the fold that this run
+            tests.
     """
     start = SurfaceClassifier.from_checkpoint(path, card.kind)
     theirs = start.card
@@ -232,13 +232,6 @@ def given_start(path: Path, card: Card, test: Recordings, data: DataConfig) -> S
             f"Checkpoint {path} knows {len(theirs.classes)} classes that are not the "
             f"{len(card.classes)} of this data; train it on the same data."
         )
-    configured = card.senses[card.kind]["decode"]
-    for key, value in theirs.senses[card.kind]["decode"].items():
-        if key != "file_rate" and value != configured.get(key):
-            raise UserError(
-                f"Checkpoint {path} was trained with data.{key}={value}, this run has "
-                f"{configured.get(key)}; make them equal."
-            )
     refuse_leak(test.of(theirs.modalities[0]), theirs, f"Checkpoint {path}", data)
     return start
 
