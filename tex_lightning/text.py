@@ -22,7 +22,7 @@ MARKDOWN = re.compile(
 
 def printable(text: str) -> str:
     """Return one line without control characters, line breaks and marks of writing direction."""
-    return "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
 
 
 def printable_lines(text: str) -> str:

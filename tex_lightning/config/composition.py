@@ -137,13 +137,13 @@ def current_job(*, python: bool = False) -> Job:
         python: Whether a program in Python runs it.
     """
     hydra = HydraConfig.get()
-    own = tuple(hydra.overrides.hydra)
+    flags = tuple(hydra.overrides.hydra)
     return Job(
         overrides=tuple(hydra.overrides.task),
         directory=Path(hydra.runtime.output_dir).resolve(),
         origin="python" if python else "sweep" if hydra.mode == RunMode.MULTIRUN else "command",
-        named=any(override.startswith(RUN_FOLDER) for override in own),
-        searchpath=tuple(override for override in own if override.startswith(SEARCHPATH)),
+        named=any(override.startswith(RUN_FOLDER) for override in flags),
+        searchpath=tuple(override for override in flags if override.startswith(SEARCHPATH)),
         hydra=OmegaConf.create({"hydra": hydra}),
     )
 
@@ -187,8 +187,10 @@ def _further_keys(section: Any, prefix: str = "") -> Iterator[str]:  # noqa: ANN
     known = {key.name for key in fields(section)}
     for name, value in vars(section).items():
         if is_dataclass(value):
-            own = prefix == "model." and name not in PACKAGE_SENSES and name != FUSION
-            yield from () if own or name == "trainer" else _further_keys(value, f"{prefix}{name}.")
+            custom = prefix == "model." and name not in PACKAGE_SENSES and name != FUSION
+            yield from (
+                () if custom or name == "trainer" else _further_keys(value, f"{prefix}{name}.")
+            )
         elif name not in known and not (prefix == "model.fusion." and name.endswith(CHECKPOINT)):
             yield f"{prefix}{name}"
 
@@ -234,4 +236,4 @@ def split_flags(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
     parser = get_args_parser()
     parser.error = refuse  # type: ignore[method-assign]
     overrides = parser.parse_intermixed_args(arguments).overrides
-    return [each for each in arguments if each not in overrides], overrides
+    return [item for item in arguments if item not in overrides], overrides

@@ -40,8 +40,8 @@ def build(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: 
     from hydra.utils import instantiate  # a fifth of a second, which cards do without
 
     called = find_callable(where, node)
-    given = {key: value for key, value in node.items() if key not in HYDRAS}
-    values = {"_convert_": "all", **node, **_checked(where, called, given)}
+    arguments = {key: value for key, value in node.items() if key not in HYDRAS}
+    values = {"_convert_": "all", **node, **_checked(where, called, arguments)}
     with making(where, node[TARGET]):
         return instantiate(values, **_accepted(called, node, offered))
 
@@ -50,8 +50,8 @@ def _accepted(
     called: Callable[..., Any], values: Mapping[str, Any], offered: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Return those of the offered arguments that are taken and not given yet."""
-    taken = inspect.signature(called).parameters if offered else {}
-    return {name: item for name, item in offered.items() if name in taken and name not in values}
+    names = inspect.signature(called).parameters if offered else {}
+    return {name: item for name, item in offered.items() if name in names and name not in values}
 
 
 def build_derived(where: str, node: Mapping[str, Any], base: type, **offered: Any) -> Any:  # noqa: ANN401
@@ -60,13 +60,13 @@ def build_derived(where: str, node: Mapping[str, Any], base: type, **offered: An
     Raises:
         UserError: As :func:`build`, and if it does not.
     """
-    made = build(where, node, **offered)
-    if not isinstance(made, base):
+    part = build(where, node, **offered)
+    if not isinstance(part, base):
         raise UserError(
             f"{where} names {shorten(node[TARGET])}, which does not derive from "
             f"{base.__module__}.{base.__name__}; name a class that does."
         )
-    return made
+    return part
 
 
 def find_class(where: str, node: Mapping[str, Any]) -> type[Any]:
@@ -75,10 +75,10 @@ def find_class(where: str, node: Mapping[str, Any]) -> type[Any]:
     Raises:
         UserError: If there is none.
     """
-    found = find_callable(where, node)
-    if not isinstance(found, type):
+    named = find_callable(where, node)
+    if not isinstance(named, type):
         raise UserError(f"{where} names {node[TARGET]}, which is no class; name one.")
-    return found
+    return named
 
 
 def find_callable(where: str, node: Mapping[str, Any]) -> Callable[..., Any]:
@@ -91,10 +91,10 @@ def find_callable(where: str, node: Mapping[str, Any]) -> Callable[..., Any]:
         raise UserError(
             f"{where} has no _target_; name the class there, as in package.module.Name."
         )
-    found = resolve(where, str(node[TARGET]))
-    if not callable(found):
+    target = resolve(where, str(node[TARGET]))
+    if not callable(target):
         raise UserError(f"{where} names {node[TARGET]}, which is no class or function; name one.")
-    named: Callable[..., Any] = found
+    named: Callable[..., Any] = target
     return named
 
 
@@ -119,17 +119,17 @@ def _checked(
         UserError: If one is not, or of another type.
     """
     try:
-        taken = inspect.signature(called).parameters
+        parameters = inspect.signature(called).parameters
         schema = OmegaConf.structured(called) if is_dataclass(called) else None
     except (ValueError, OmegaConfBaseException):  # of a class in C, of types without a name there
         return values
-    takes_any = any(each.kind is each.VAR_KEYWORD for each in taken.values())
+    takes_any = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values())
     typed = dict(values)
     for name, value in values.items():
         key = f"{where}.{shorten(name)}"
-        if name not in taken and not takes_any:
-            known = listed([*taken]) or "none"
-            near = nearest(str(name), taken, f"{where}.")
+        if name not in parameters and not takes_any:
+            known = listed([*parameters]) or "none"
+            near = nearest(str(name), parameters, f"{where}.")
             raise UserError(f"There is no key {key}{near}; its class has {known}.")
         if schema is not None and name in schema and not _has_nodes(value):
             try:
@@ -213,10 +213,10 @@ def trusted_class(where: str, node: Mapping[str, Any]) -> type[Any]:
     package = _package(target)
     if package not in _TRUSTED and package not in installed_packages():  # which reads folders
         raise _untrusted(where, target, package)
-    found = find_class(where, node)
-    if (home := _package(found.__module__)) != package:
+    cls = find_class(where, node)
+    if (home := _package(cls.__module__)) != package:
         raise _untrusted(where, target, home)
-    return found
+    return cls
 
 
 def make(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: ANN401

@@ -45,9 +45,9 @@ def with_own_senses(overrides: Sequence[str]) -> list[str]:
     """
     folders = [*user_folders(), *_named_folders(overrides)]
     names = {file.stem for folder in folders for file in folder.glob("sense/*.yaml")}
-    own = sorted(names.difference(PACKAGE_SENSES, ["base"]))  # base is what others begin with
-    added = [f"+sense@model.{name}={name}" for name in own]
-    return [*overrides, *(each for each in added if each not in overrides)]
+    senses = sorted(names.difference(PACKAGE_SENSES, ["base"]))  # base is what others begin with
+    added = [f"+sense@model.{name}={name}" for name in senses]
+    return [*overrides, *(item for item in added if item not in overrides)]
 
 
 def _named_folders(overrides: Sequence[str]) -> Iterator[Path]:
@@ -92,13 +92,13 @@ def use_config_dir(arguments: Sequence[str]) -> list[str]:
     _GIVEN.clear()
     parser = ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     parser.add_argument(FLAG, dest="folder", nargs="?", const="")
-    given, others = parser.parse_known_args(arguments)
-    if given.folder is None:
+    options, others = parser.parse_known_args(arguments)
+    if options.folder is None:
         return others
-    folder = Path(given.folder).expanduser().resolve()
-    if not given.folder or not folder.is_dir():
+    folder = Path(options.folder).expanduser().resolve()
+    if not options.folder or not folder.is_dir():
         raise UserError(
-            f"--config-dir={given.folder} is no folder; give the one with your data/NAME.yaml, "
+            f"--config-dir={options.folder} is no folder; give the one with your data/NAME.yaml, "
             "model/NAME.yaml and so on."
         )
     _GIVEN.append(folder)

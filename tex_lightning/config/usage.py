@@ -83,8 +83,8 @@ def config_groups() -> dict[str, list[str]]:
         for file in sorted(folder.rglob("*.yaml")):
             group, *inner = file.relative_to(folder).with_suffix("").parts
             option = "/".join(inner)
-            own = group in ("hydra", "debug") and len(inner) > 1  # not a person's to choose
-            if inner and not own and inner[-1] != "base" and option not in groups.get(group, ()):
+            hidden = group in ("hydra", "debug") and len(inner) > 1  # not a person's to choose
+            if inner and not hidden and inner[-1] != "base" and option not in groups.get(group, ()):
                 groups.setdefault(group, []).append(option)
     return groups
 

@@ -62,9 +62,9 @@ def fit_new_class_weights(
         optimizer.zero_grad()
         logits = torch.cat([scores, inputs @ rows.T + biases], dim=1) / temperature
         errors = nn.functional.cross_entropy(logits, labels, reduction="none")
-        found = (shares * errors).sum() / (known + added) + penalty * rows.square().sum()
-        found.backward()  # type: ignore[no-untyped-call]  # no annotation in PyTorch
-        return found
+        total = (shares * errors).sum() / (known + added) + penalty * rows.square().sum()
+        total.backward()  # type: ignore[no-untyped-call]  # no annotation in PyTorch
+        return total
 
     optimizer.step(loss)  # type: ignore[no-untyped-call]  # likewise
     weights = statistics.whiten(rows.detach())
@@ -172,7 +172,7 @@ def _score_layer(classifier: SurfaceClassifier, name: str) -> ScoreLayer:
 def _with_classes(
     classifier: SurfaceClassifier, name: str, features: Fragments
 ) -> FeatureStatistics:
-    means = [torch.stack([each.mean(dim=1) for each in rows]).mean(dim=0) for rows in features]
+    means = [torch.stack([x.mean(dim=1) for x in rows]).mean(dim=0) for rows in features]
     counts = torch.tensor([len(rows) for rows in features])
     known = cast(FeatureStatistics, classifier.statistics[name])
     return known.with_classes(torch.stack(means), counts)

@@ -168,7 +168,7 @@ def fit_linear_head(
     module.network.trunk.eval()
     numbers = np.tile(np.arange(len(labels)), recipe["passes"])
     views = track(range(len(numbers)), "Features of the pretrained trunk")
-    raw = torch.stack([_mean_features(module, _view(photos, each, module)) for each in views])
+    raw = torch.stack([_mean_features(module, _view(photos, number, module)) for number in views])
     last: TextureFeatures = module.network.trunk.layers[-1]
     features = last.standardise(raw)
     scale = features.shape[1] ** 0.5  # to unit variance, which strength and tolerance are meant for
@@ -208,8 +208,8 @@ def _regression(rows: Floats, targets: Labels, strength: float) -> tuple[Floats,
     # a sixth of the time of the command line's start, and only this needs it
     from sklearn.linear_model import LogisticRegression
 
-    found = LogisticRegression(C=strength, tol=1e-4, max_iter=1000).fit(rows, targets)
-    weights, biases = found.coef_, found.intercept_
+    model = LogisticRegression(C=strength, tol=1e-4, max_iter=1000).fit(rows, targets)
+    weights, biases = model.coef_, model.intercept_
     if len(weights) == 1:  # of two classes scikit-learn keeps the difference
         return np.concatenate([-weights, weights]) / 2, np.concatenate([-biases, biases]) / 2
     return weights, biases

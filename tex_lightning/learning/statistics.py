@@ -46,7 +46,7 @@ def keep_statistics(
         recordings = rows.of(sense.modality).rows
         labels = torch.tensor(class_indices([row.label for row in recordings], classes))
         positions = position_features(fast, name, recordings, store)
-        features = torch.stack([each.mean(dim=1) for each in positions])
+        features = torch.stack([embedding.mean(dim=1) for embedding in positions])
         statistics = FeatureStatistics.of(features, labels, len(classes))
         classifier.statistics[name] = statistics.to(classifier.device)
         groups = [row.group_key for row in recordings]
@@ -137,7 +137,7 @@ def _validated(
 ) -> list[list[float]]:
     """Return the novelties of every sample by all senses."""
     outputs = [classifier.sense_outputs(**load_sample(sample, store)) for sample in samples]
-    return [[float(cast(Tensor, each.novelty)) for each in by.values()] for by in outputs]
+    return [[float(cast(Tensor, output.novelty)) for output in by.values()] for by in outputs]
 
 
 def _left_out(

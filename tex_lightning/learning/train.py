@@ -202,7 +202,7 @@ def _take_best(module: SurfaceModule, keeper: ModelCheckpoint | None) -> float |
 
 
 def _is_finite(module: SurfaceModule) -> bool:
-    return all(bool(each.isfinite().all()) for each in module.state_dict().values())
+    return all(bool(value.isfinite().all()) for value in module.state_dict().values())
 
 
 def _keep_statistics(

@@ -116,19 +116,19 @@ def quiet_lightning() -> Iterator[None]:
     """Hide Lightning's advice and advertisements, except for debugging."""
     debugs = Screen.verbose >= DEBUG
     loggers = [logging.getLogger(name) for name in LOGGERS]
-    before = [(each.level, each.handlers) for each in loggers]
-    for each in loggers:
-        each.setLevel(logging.INFO if debugs else logging.WARNING)
-        each.handlers = []  # its own would say everything twice
+    before = [(logger.level, logger.handlers) for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.INFO if debugs else logging.WARNING)
+        logger.handlers = []  # its own would say everything twice
     with warnings.catch_warnings():
         for message in () if debugs else UNHELPFUL:
             warnings.filterwarnings("ignore", message=message)
         try:
             yield
         finally:
-            for each, (level, handlers) in zip(loggers, before, strict=True):
-                each.setLevel(level)
-                each.handlers = handlers
+            for logger, (level, handlers) in zip(loggers, before, strict=True):
+                logger.setLevel(level)
+                logger.handlers = handlers
 
 
 def make_trainer(
@@ -193,7 +193,7 @@ def build_callbacks(nodes: Mapping[str, Any], flags: Mapping[str, Any]) -> list[
     callbacks = [build_derived(f"callbacks.{name}", node, Callback) for name, node in nodes.items()]
     if flags.get("enable_progress_bar", True):
         return callbacks
-    return [each for each in callbacks if not isinstance(each, LightningProgressBar)]
+    return [callback for callback in callbacks if not isinstance(callback, LightningProgressBar)]
 
 
 def _keep(working: Path, name: str, monitor: str | None) -> ModelCheckpoint:

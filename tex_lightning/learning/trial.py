@@ -206,8 +206,8 @@ def _check_gradient(scores: Tensor, sense: Sense, part: Part) -> None:
         raise breach(*part, "gave scores without a gradient, so nothing can be trained")
     with calling(*part):
         scores.square().sum().backward()  # type: ignore[no-untyped-call]  # no annotation
-    gradients = [each.grad for each in sense.network.parameters() if each.grad is not None]
-    if not all(bool(each.isfinite().all()) for each in gradients):
+    gradients = [weight.grad for weight in sense.network.parameters() if weight.grad is not None]
+    if not all(bool(weight.isfinite().all()) for weight in gradients):
         raise breach(*part, "gave scores with a gradient that is NaN or infinite")
 
 

@@ -49,7 +49,7 @@ class Dataset:
     ) -> "Dataset":
         """Fill the store; what cannot be decoded is left out."""
         damaged = store.fill([*recordings, *unknown])
-        bad = [each.recording for each in damaged]
+        bad = [unusable.recording for unusable in damaged]
         known, held = recordings.without(bad), unknown.without(bad)
         return cls(classes, known, held, store, tuple(damaged))
 
@@ -98,7 +98,7 @@ def open_dataset(data: DataConfig, senses: Sequence[Sense]) -> Dataset:
     Raises:
         UserError: If the data cannot be used.
     """
-    store = Store(cache_root(data.cache_dir), {each.modality: each.decoder for each in senses})
+    store = Store(cache_root(data.cache_dir), {sense.modality: sense.decoder for sense in senses})
     modalities = tuple(store.decoders)
     rows = read_recordings(data, modalities)
     needed = rows.without(row for row in rows if row.modality not in modalities)
@@ -204,11 +204,11 @@ def show_opening(data: DataConfig, dataset: Dataset, what: str, *, trains: bool 
     show("Data", f"{data.name} {data.manifest or data.root or ''}")
     show("Classes", f"{len(rows.classes)}: {', '.join(rows.classes)}")
     for modality in modalities:
-        own, title = rows.of(modality), plural(modality).partition(" ")[0].capitalize()
-        decoder, counts = dataset.store.decoders[modality], Counter(row.label for row in own)
-        sizes = [dataset.store.extent(row) for row in own]
+        signals, title = rows.of(modality), plural(modality).partition(" ")[0].capitalize()
+        decoder, counts = dataset.store.decoders[modality], Counter(row.label for row in signals)
+        sizes = [dataset.store.extent(row) for row in signals]
         size = _spread(sizes, decoder.unit, decoder.precision)
-        show(title, f"{len(own)}; {size}; {_spread([*counts.values()], '', 'd')} of a class")
+        show(title, f"{len(signals)}; {size}; {_spread([*counts.values()], '', 'd')} of a class")
     show("Trains" if trains else "Tests", what)
 
 

@@ -100,8 +100,8 @@ def compose_system(name: str, overrides: Sequence[str], job: Job) -> System:
 def with_system(job: Job, overrides: Sequence[str]) -> list[str]:
     """Return overrides of a system alone: its own replace the user's of the same keys."""
     keys = {_key(item) for item in overrides}
-    given = [item for item in job.overrides if _key(item) not in keys]
-    return [*(item for item in given if _key(item).split(".")[0] not in OWN_SECTIONS), *overrides]
+    kept = [item for item in job.overrides if _key(item) not in keys]
+    return [*(item for item in kept if _key(item).split(".")[0] not in OWN_SECTIONS), *overrides]
 
 
 def _key(override: str) -> str:
@@ -112,8 +112,8 @@ def _subsets(config: Config, job: Job) -> dict[str, str]:
     """Return systems of every subset of the senses: all at once, or the next only if unsure."""
     if config.frontier.senses is None:
         return {}
-    given = [item.partition("=")[2] for item in job.overrides if item.startswith("model=")]
-    model = given[-1] if given else config.model.name
+    models = [item.partition("=")[2] for item in job.overrides if item.startswith("model=")]
+    model = models[-1] if models else config.model.name
     senses, systems = config.frontier.senses, {}
     for decision, smallest in (("", 1), (SEQUENTIAL, 2)):
         for count in range(smallest, len(senses) + 1):

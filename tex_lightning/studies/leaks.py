@@ -53,8 +53,10 @@ def trained_on(
 
 def digests(rows: Iterable[Recording]) -> list[str]:
     """Digest of each recording: that of its file's content, and its part of the file."""
-    found = ((fingerprint(row.path), row.part) for row in rows)
-    return [digest if part is None else f"{digest}#{write_part(part)}" for digest, part in found]
+    identities = ((fingerprint(row.path), row.part) for row in rows)
+    return [
+        digest if part is None else f"{digest}#{write_part(part)}" for digest, part in identities
+    ]
 
 
 def refuse_leak(test: Recordings, card: Card, who: str, data: Folding) -> None:

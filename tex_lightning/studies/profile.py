@@ -64,8 +64,8 @@ class WindowNet(nn.Module):
 
 def scores(network: Any, x: Tensor) -> Tensor:  # noqa: ANN401
     """Class scores (B, classes, *positions) of a network's inputs."""
-    found: Tensor = network.features(x, "fc3")
-    return found
+    class_scores: Tensor = network.features(x, "fc3")
+    return class_scores
 
 
 @torch.no_grad()

@@ -91,7 +91,9 @@ def _checkpoints(path: Path) -> dict[str, list[TestedCheckpoint]]:
         return {"": [(path, None)]}
     if not path.is_dir():
         raise UserError(f"{path} does not exist; give a run folder or a checkpoint.")
-    folds = sorted(int(each.name) for each in path.glob("folds/[0-9]*") if each.name.isdecimal())
+    folds = sorted(
+        int(folder.name) for folder in path.glob("folds/[0-9]*") if folder.name.isdecimal()
+    )
     homes: list[TestedCheckpoint] = [(path / "folds" / str(fold), fold) for fold in folds]
     checkpoints: dict[str, list[TestedCheckpoint]] = {}
     for home, fold in homes or [(path, None)]:
@@ -118,7 +120,7 @@ def _load(config: Config, path: Path, fold: int | None, datasets: Datasets) -> S
     for modality, decoder in dataset.store.decoders.items():
         fresh = PerturbedDataset(getattr(decoder, "sampling_rate", 0.0), config.seed)
         perturbed[modality] = datasets.setdefault((modality, decoder), fresh)
-        perturbed[modality].add((each.recordings[modality] for each in samples), dataset.store)
+        perturbed[modality].add((sample.recordings[modality] for sample in samples), dataset.store)
     loaded.to(pick_device(config.trainer.accelerator))
     classifier = accelerate(loaded, config.engine).eval()
     return SystemFold(path, classifier, samples, perturbed, dataset.skipped)

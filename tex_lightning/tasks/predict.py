@@ -84,13 +84,13 @@ def _found(modality: str, value: str) -> list[Path]:
         candidates = matches(str(path))
     else:
         return [path]
-    files = [each for each in candidates if _readable(each, modality)]
+    files = [path for path in candidates if _readable(path, modality)]
     if not files:
         raise UserError(
             f"{modality}={value} gives no file of a known type; there must be some of "
             f"{', '.join(suffixes_of(modality))}."
         )
-    return sorted(files, key=lambda each: natural_key(str(each)))
+    return sorted(files, key=lambda path: natural_key(str(path)))
 
 
 def _readable(path: Path, modality: str) -> bool:
@@ -117,6 +117,6 @@ def match_files(given: Mapping[str, list[Path]]) -> list[dict[str, Path]]:
     first, *others = found.values()
     by_stem = {name: {path.stem: path for path in paths} for name, paths in found.items()}
     stems = [path.stem for path in first]
-    if all(sorted(each) == sorted(stems) for each in by_stem.values()):
+    if all(sorted(paths) == sorted(stems) for paths in by_stem.values()):
         return [{name: by_stem[name][stem] for name in found} for stem in stems]
     return [dict(zip(found, paths, strict=True)) for paths in zip(first, *others, strict=True)]

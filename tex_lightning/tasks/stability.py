@@ -31,9 +31,16 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     chosen = choose_perturbations(systems, config.stability)
     trials = _run_trials(systems, chosen)
     write_rows(directory / "stability.csv", StabilityRow._fields, trials)
-    for title, figure in stability_figures(trials, {each.name: each for each in chosen}).items():
+    for title, figure in stability_figures(
+        trials, {perturbation.name: perturbation for perturbation in chosen}
+    ).items():
         save_figure(figure, directory / "figures" / title)
-    skipped = {each: None for system in systems for fold in system.folds for each in fold.skipped}
+    skipped = {
+        perturbation: None
+        for system in systems
+        for fold in system.folds
+        for perturbation in fold.skipped
+    }
     results = {
         "task": config.task,
         "data": config.data.name,
@@ -41,7 +48,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "wall_seconds": time.perf_counter() - begin,
         "environment": environment(pick_device(config.trainer.accelerator)),
         "engine": asdict(config.engine),
-        "perturbations": {each.name: asdict(each) for each in chosen},
+        "perturbations": {perturbation.name: asdict(perturbation) for perturbation in chosen},
         "skipped": skipped_entry(skipped),
         "systems": {system.name: _entry(system, trials) for system in systems},
     }

@@ -37,7 +37,7 @@ def run(config: Config, job: Job) -> None:
     """
     predictor = Predictor(load_classifier(str(config.checkpoint)), config)
     predictor.check_senses(config.files)
-    senses = {each.modality: each for each in predictor.classifier.senses.values()}
+    senses = {sense_.modality: sense_ for sense_ in predictor.classifier.senses.values()}
     rates, chunks, photos = {}, {}, {}
     for name, file in config.files.items():
         if isinstance(file, list | dict):
