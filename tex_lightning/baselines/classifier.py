@@ -209,11 +209,6 @@ class BaselineClassifier(SurfaceClassifier):
         return {"baseline": self.baseline.state()}
 
 
-def new_classifier(card: Card) -> SurfaceClassifier:
-    """A network or baseline that nothing has trained."""
-    return BaselineClassifier(card) if card.baseline else SurfaceClassifier(card)
-
-
 def load_classifier(path: str | Path) -> SurfaceClassifier:
     """Load a checkpoint of a network or of a baseline, ready to classify on the CPU.
 

@@ -78,6 +78,9 @@ class Dataset:
                 "them, take them out or set data.skip_bad=true to go on without them:",
                 *list_files(skipped),
             )
+        if skipped:
+            files = "\n".join(list_files(skipped))
+            log.warning("Going on without %d files:\n%s", len(skipped), files)
         known, held = self.recordings.without(small), self.unknown.without(small)
         return replace(self, recordings=known, unknown=held, skipped=skipped)
 
@@ -187,9 +190,6 @@ def show_opening(data: DataConfig, dataset: Dataset, what: str, *, trains: bool 
     rows = dataset.recordings
     modalities = list(dict.fromkeys(row.modality for row in rows))
     warnings = [*rows.notes]
-    if dataset.skipped:
-        files = list_files(dataset.skipped)
-        warnings.append("\n".join([f"Going on without {len(dataset.skipped)} files:", *files]))
     for modality in modalities:
         warnings += rate_warnings(rows.of(modality), dataset.store)
     for text in warnings:

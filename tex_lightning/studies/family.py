@@ -37,7 +37,6 @@ class System:
         entry: Facts of the first fold's network: parameters, arithmetic, checkpoint.
         fit_seconds: Mean over the trainings, parts of a FusionNet included.
         tests: Outcomes by tested fold.
-        skipped: Files that it went without.
     """
 
     name: str
@@ -46,7 +45,6 @@ class System:
     entry: dict[str, Any] = field(default_factory=dict)
     fit_seconds: float = 0.0
     tests: dict[int, list[Outcome]] = field(default_factory=dict)
-    skipped: list[dict[str, str]] = field(default_factory=list)
 
     @property
     def cost(self) -> float:
@@ -156,7 +154,6 @@ def measure_family(systems: Sequence[System], folds: Sequence[int], directory: P
                 entries.append(results["networks"])
                 predictions = home / "predictions" / f"{config.model.kind}.csv"
                 system.tests[fold] = read_outcomes(predictions)
-                system.skipped = results["skipped"]
             system.entry = entries[0][config.model.kind]
             seconds = [sum(part["fit_seconds"] for part in entry.values()) for entry in entries]
             system.fit_seconds = fmean(seconds)

@@ -16,7 +16,7 @@ import torch
 from tex_lightning.classifier.classifier import SenseOutput, SurfaceClassifier
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording, write_part
-from tex_lightning.data.store import Store, Unusable, fingerprint
+from tex_lightning.data.store import Store, fingerprint
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.perturbations.pixels import Array, Scene
@@ -82,14 +82,12 @@ class SystemFold:
         classifier: In evaluation mode, as prediction runs it.
         samples: Those it has not trained on.
         datasets: Where their recordings are, by modality.
-        skipped: Files of its test that cannot be used and were left out.
     """
 
     checkpoint: Path
     classifier: SurfaceClassifier
     samples: list[Sample]
     datasets: Mapping[str, PerturbedDataset]
-    skipped: tuple[Unusable, ...] = ()
     _parts: dict[tuple[str, ...], SurfaceClassifier] = field(default_factory=dict)
     _clean: dict[tuple[object, ...], SenseOutput] = field(default_factory=dict)
     _perturbed: dict[tuple[object, ...], SenseOutput] = field(default_factory=dict)

@@ -123,7 +123,7 @@ def _load(config: Config, path: Path, fold: int | None, datasets: Datasets) -> S
         perturbed[modality].add((sample.recordings[modality] for sample in samples), dataset.store)
     loaded.to(pick_device(config.trainer.accelerator))
     classifier = accelerate(loaded, config.engine).eval()
-    return SystemFold(path, classifier, samples, perturbed, dataset.skipped)
+    return SystemFold(path, classifier, samples, perturbed)
 
 
 def _title(path: Path, kind: str, classifier: SurfaceClassifier) -> str:

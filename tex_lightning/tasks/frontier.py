@@ -49,7 +49,6 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     folds = chosen_folds(config.data.folds, config.crossval.only)
     measure_family(systems, folds, directory / "systems")
     chosen = _choose(systems, folds)
-    skipped = {file["path"]: file for system in systems for file in system.skipped}
     rows, procedure = _rows(systems, chosen), _measure_choice(systems)
     write_rows(directory / "frontier.csv", rows[0], (row.values() for row in rows))
     save_figure(frontier_figure(rows), directory / "frontier")
@@ -60,7 +59,6 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "folds": folds,
         "wall_seconds": time.perf_counter() - begin,
         "environment": environment(pick_device(config.trainer.accelerator)),
-        "skipped": list(skipped.values()),
         "chosen": chosen.name,
         "command": _command(job, chosen.overrides),
         "overrides": chosen.overrides,

@@ -11,7 +11,6 @@ from tex_lightning.config.composition import Job
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import write_rows
 from tex_lightning.core.progress import Stage
-from tex_lightning.data.store import skipped_entry
 from tex_lightning.evaluation.outcomes import environment, write_results
 from tex_lightning.perturbations.table import SEVERITIES, Perturbation
 from tex_lightning.report.figures import save_figure
@@ -35,12 +34,6 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         trials, {perturbation.name: perturbation for perturbation in chosen}
     ).items():
         save_figure(figure, directory / "figures" / title)
-    skipped = {
-        perturbation: None
-        for system in systems
-        for fold in system.folds
-        for perturbation in fold.skipped
-    }
     results = {
         "task": config.task,
         "data": config.data.name,
@@ -49,7 +42,6 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "environment": environment(pick_device(config.trainer.accelerator)),
         "engine": asdict(config.engine),
         "perturbations": {perturbation.name: asdict(perturbation) for perturbation in chosen},
-        "skipped": skipped_entry(skipped),
         "systems": {system.name: _entry(system, trials) for system in systems},
     }
     write_results(directory / "results.json", results)
