@@ -114,7 +114,7 @@ def test_mistakes_end_in_one_sentence_and_status_2(cli, tmp_path, monkeypatch, a
     ("arguments", "message"),
     [
         (["model.haptic.width=0"], "width is 0: choose from (0, 8]"),
-        (["decision.confidence_thresholds=[0.5,2]"], "decision.confidence_thresholds is 2"),
+        (["decision.confidence_threshold=2"], "decision.confidence_threshold is 2"),
         (
             ["data.test_fold=12", "model.haptic.norm=bathc"],
             "is 12: choose from 0 to 9; model.haptic.norm is bathc (did you mean batch?): choose",

@@ -87,7 +87,7 @@ def test_every_network_decides_as_on_the_cpu(second_device, name):
 
 
 def test_the_engine_a_stream_and_an_early_stop_decide_as_on_the_cpu(second_device):
-    config = read_config(compose_config(["decision=sequential", "decision.calibrated=false"]))
+    config = read_config(compose_config(["decision=sequential"]))
     near = make_classifier(make_card("haptic", "visual", width=0.1))
     given, found = sample(near.card), []
     for device in ("cpu", second_device):

@@ -28,18 +28,14 @@ CONFIG = DecisionConfig(
     pairs=200,
     seed=0,
     confidence_threshold=NEVER,
-    calibrated=True,
-    disagreement=0.1,
-    confidence=0.95,
-    confidence_thresholds=[],
 )
 
 
-def classifier(kind: str, level: str = "fc2", **calibration: float) -> SurfaceClassifier:
+def classifier(kind: str, level: str = "fc2") -> SurfaceClassifier:
     torch.manual_seed(0)
     given = {"width": 0.1, "scale": "linear"}  # mel bands are a product that would be counted
     card = make_card(*SENSES[kind], classes=["a", "b", "c", "d"], level=level, pairs=200, **given)
-    model = SurfaceClassifier(replace(card, calibration=calibration))
+    model = SurfaceClassifier(card)
     for module in model.modules():
         if isinstance(module, nn.Conv2d | nn.Linear) and len(module.weight) == 4:
             nn.init.normal_(module.weight, std=0.3)
@@ -117,14 +113,13 @@ def count_positions(monkeypatch, network: nn.Module) -> list[int]:
 
 
 def test_fusion_looks_at_the_photo_only_where_the_trace_is_not_enough(monkeypatch):
-    model = classifier("fusion", confidence_threshold=0.0)
+    model = classifier("fusion")
     rows = count_positions(monkeypatch, model.senses["visual"].network)
-    vote = SequentialClassifier(model, CONFIG).classify(**given("fusion", 0))
+    quick = SequentialClassifier(model, replace(CONFIG, confidence_threshold=0.0))
+    vote = quick.classify(**given("fusion", 0))
     assert rows == []
     assert 0 < vote.relative_macs < 1
-    unsure = SequentialClassifier(model, replace(CONFIG, calibrated=False))
-    assert unsure.threshold == NEVER
-    unsure.classify(**given("fusion", 0))
+    SequentialClassifier(model, CONFIG).classify(**given("fusion", 0))
     assert rows
 
 

@@ -4,16 +4,14 @@ import json
 from pathlib import Path
 
 import pytest
-from scipy.stats import beta
 
 import tex_lightning as tl
-from tex_lightning.evaluation.calibration import upper_bound
 from tex_lightning.evaluation.outcomes import read_outcomes
 
 
 @pytest.fixture(scope="module")
 def sequential(run_once, tiny) -> Path:
-    decision = ["decision=sequential", "decision.disagreement=0.9", "decision.reject_below=0.5"]
+    decision = ["decision=sequential", "decision.reject_below=0.5"]
     return run_once("model=haptic", *decision, "logger=csv", *tiny)
 
 
@@ -30,9 +28,7 @@ def test_a_sequential_run_says_what_it_saved_and_how_far_to_believe_it(sequentia
     assert set(entry["calibration"]) == {"ece"}
     assert 0 <= entry["selective"]["coverage"] <= 1
     assert (sequential / "figures" / "haptic_calibration.png").is_file()
-    calibration = tl.load(sequential).card.calibration
-    assert 0.1 <= calibration["temperature"] <= 10
-    assert "disagreement" in calibration
+    assert 0.1 <= tl.load(sequential).card.calibration["temperature"] <= 10
 
 
 def test_predictions_say_what_they_looked_at(fused, surfaces):
@@ -40,8 +36,8 @@ def test_predictions_say_what_they_looked_at(fused, surfaces):
         "haptic": surfaces / "alpha/haptic/alpha_0.wav",
         "image": surfaces / "alpha/image/alpha_0.png",
     }
-    given = ["decision=sequential", "decision.calibrated=false"]
-    quick = tl.load(fused, *given, "decision.confidence_threshold=0").predict(**files)
+    given = ["decision=sequential", "decision.confidence_threshold=0"]
+    quick = tl.load(fused, *given).predict(**files)
     assert 0 < quick.relative_macs < 1
     assert quick.fragments < 10
     whole = tl.load(fused, "decision.reject_below=1").predict(**files)
@@ -56,8 +52,3 @@ def test_the_threshold_of_rejection_travels_with_the_checkpoint(sequential, surf
     prediction = tl.load(sequential, "decision=max_vote").predict(haptic=file)
     assert prediction.rejected is (prediction.probability < 0.5)
     assert tl.load(sequential, "decision.reject_below=1").predict(haptic=file).rejected
-
-
-def test_the_bound_is_clopper_pearsons():
-    assert upper_bound(0, 29, 0.95) == pytest.approx(1 - 0.05 ** (1 / 29))
-    assert upper_bound(2, 40, 0.95) == pytest.approx(beta(3, 38).ppf(0.95))

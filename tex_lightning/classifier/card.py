@@ -47,7 +47,6 @@ RANGES: dict[str, tuple[float, float]] = {
     "decision.reject_below": (0, 1),
     "decision.unknown": (0, 1),
     "calibration.temperature": (1e-6, 1e6),
-    "calibration.confidence_threshold": (0, 1),
     "training.fit_seconds": (0, math.inf),
 }
 OPTIONAL = ("file_rate", "resize", "decision.reject_below", "decision.unknown")
@@ -69,9 +68,8 @@ class Card:
             was given and the ``weights`` it started from;
             empty for this package's networks.
         calibration: What was set on the validation fold: ``temperature`` of the probabilities, and
-            perhaps ``confidence_threshold`` of sequential decisions; and by sense the
-            ``novelties`` of known samples (:mod:`~tex_lightning.learning.statistics`). What cannot
-            be set is not there.
+            by sense the ``novelties`` of known samples
+            (:mod:`~tex_lightning.learning.statistics`). What cannot be set is not there.
         trained_on: ``seen``, digests of the recordings behind the weights, to refuse testing on
             them, and the keys of ``data`` that say on which fold they may be tested; ``trunks``,
             what each trunk began from if not at random.

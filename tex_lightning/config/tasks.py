@@ -39,10 +39,6 @@ class DecisionConfig:
         "share of known recordings that may be called unknown; 0: none", CHANCE, default=None
     )
     confidence_threshold: float = key("sequential: mean probability that decides", SHARE)
-    calibrated: bool = key("sequential: use the threshold that the checkpoint chose by validation")
-    disagreement: float = key("share of decisions that may differ from the full one", CHANCE)
-    confidence: float = key("confidence of the bound on that share (Clopper-Pearson)", CHANCE)
-    confidence_thresholds: list[float] = key("thresholds that it is chosen from", SHARE)
 
 
 @dataclass

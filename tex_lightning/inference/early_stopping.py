@@ -72,12 +72,6 @@ def make_inference_model(
     return decide(fast, decision)
 
 
-def needs_threshold(classifier: SurfaceClassifier) -> bool:
-    """Whether a sequential decision uses a probability, as all but those on a single photo do."""
-    media = [sense.medium for sense in classifier.senses.values()]
-    return not classifier.card.baseline and media != ["photo"]
-
-
 def is_local(sense: Sense) -> bool:
     """Whether a frame of a sense depends on its own samples, and a position on its own frames."""
     features = sense.features
@@ -97,7 +91,7 @@ class SequentialClassifier(SurfaceClassifier):
 
     Args:
         classifier: Computes; its full vote is the decision that is spared.
-        config: ``confidence_threshold``, unless ``calibrated`` finds one in the card.
+        config: ``confidence_threshold``.
 
     Attributes:
         threshold: Mean probability at which some senses, or the beginning of a trace, decide.
@@ -109,8 +103,7 @@ class SequentialClassifier(SurfaceClassifier):
         self.full = classifier
         self.costs = Costs(classifier.card)
         self.densities: dict[str, float] = {}  # multiply-accumulates for each number of an input
-        chosen = self.card.calibration if config.calibrated else {}
-        self.threshold = chosen.get("confidence_threshold", config.confidence_threshold)
+        self.threshold = config.confidence_threshold
 
     @property
     def device(self) -> torch.device:

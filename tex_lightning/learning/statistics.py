@@ -14,7 +14,7 @@ from torch import Tensor
 from tex_lightning.classifier.card import NOVELTIES
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
-from tex_lightning.config import DecisionConfig, EngineConfig
+from tex_lightning.config import EngineConfig
 from tex_lightning.core.groups import leave_out
 from tex_lightning.core.progress import track
 from tex_lightning.data.folds import Sample, Split, make_samples
@@ -98,31 +98,26 @@ def complete_card(
     classifier: SurfaceClassifier,
     parts: Split,
     store: Store,
-    decision: DecisionConfig,
-    engine: EngineConfig,
     device: torch.device,
 ) -> None:
     """Complete the card of a trained network by what is set on the validation fold.
 
-    That is the temperature, the threshold of sequential decisions, and the novelties of known
-    samples that ``decision.unknown`` is set by. Where no layer before the scores was trained, those
-    of training recordings that were left out of the statistics in turn are known samples, too;
-    trained features fit their training recordings too well: of new ones a third would lie above
-    their 95 % (docs/calibration.md).
+    That is the temperature, and the novelties of known samples that ``decision.unknown`` is set
+    by. Where no layer before the scores was trained, those of training recordings that were left
+    out of the statistics in turn are known samples, too; trained features fit their training
+    recordings too well: of new ones a third would lie above their 95 % (docs/calibration.md).
 
     Args:
         classifier: Trained, on the CPU, where it is left.
         parts: Recordings by part.
         store: Decoded files.
-        decision: How it decides.
-        engine: How it runs.
         device: Where it runs.
     """
     classifier.to(device)
     samples = make_samples(parts.val, classifier.card.modalities)
     left_out: dict[str, list[float]] = classifier.card.training["left_out"]
     fitted = any(left_out.values()) and fits_probabilities(classifier)
-    card = calibrated_card(classifier, samples, store, decision, engine, fitted=fitted)
+    card = calibrated_card(classifier, samples, store, fitted=fitted)
     if classifier.statistics and not card.novelties:
         rows = [*_left_out(left_out, classifier, parts), *_validated(classifier, samples, store)]
         if rows:

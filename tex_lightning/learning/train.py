@@ -104,7 +104,7 @@ def train_network(
             left_out, more = _keep_statistics(module, parts, store, unimodal, device, config.engine)
             training = {"fit_seconds": seconds + more, "val_loss": loss, "left_out": left_out}
             module.classifier.card = replace(card, training=training)
-            complete_card(module.classifier, parts, store, config.decision, config.engine, device)
+            complete_card(module.classifier, parts, store, device)
             module.hparams["card"] = module.classifier.card.to_dict()
         trainer.save_checkpoint(final, weights_only=True)
         if trainer.is_global_zero:  # what a resumption would need goes

@@ -14,8 +14,6 @@ from tex_lightning.learning.statistics import position_features
 from tex_lightning.studies.dataset import Dataset, open_store
 from tex_lightning.studies.leaks import digests
 
-VALIDATED = ("confidence_threshold", "disagreement")  # of a calibration, for the old classes alone
-
 
 def open_new_classes(data: DataConfig, classifier: SurfaceClassifier) -> Dataset:
     """Read and decode the recordings of classes that a classifier does not know.
@@ -77,7 +75,7 @@ def enroll(classifier: SurfaceClassifier, dataset: Dataset) -> SurfaceClassifier
     extended.card = replace(
         extended.card,
         training=training,
-        calibration={key: x for key, x in card.calibration.items() if key not in VALIDATED},
+        calibration=card.calibration,
         input_ranges={
             modality: {
                 name: [min(low, ranges[modality][name][0]), max(high, ranges[modality][name][1])]

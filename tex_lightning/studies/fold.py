@@ -82,7 +82,7 @@ def fit_baseline(
     seconds = time.perf_counter() - begin
     try_baseline(classifier, [load_recording(row, store) for row in rows[:2]])
     validation = make_samples(parts.val, card.modalities)
-    card = calibrated_card(classifier, validation, store, config.decision, config.engine)
+    card = calibrated_card(classifier, validation, store)
     classifier.card = replace(card, training={"fit_seconds": seconds})
     classifier.save(final)
     return classifier
