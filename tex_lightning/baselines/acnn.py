@@ -5,8 +5,8 @@ not public: those here are choices. The auto-encoder learns from raw patches.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -110,15 +110,12 @@ class RawNetwork(Baseline):
     dropout: float
 
     kind: ClassVar = "haptic"
+    budgeted: ClassVar = {"steps": 1}
 
     def __post_init__(self) -> None:
         if self.batch_size < 2:
             raise UserError("model.baseline.batch_size must be at least 2.")
         self.scale = 1.0
-
-    def with_budget(self, budget: float) -> Self:
-        """Return it with fewer steps."""
-        return replace(self, steps=max(1, int(self.steps * budget)))
 
     @property
     def width(self) -> int:

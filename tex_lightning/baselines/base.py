@@ -8,8 +8,8 @@ could be called: skops itself would trust more, such as a ``FunctionTransformer`
 
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from io import BytesIO
 from typing import Any, ClassVar, Literal, Self
 from zipfile import ZipFile
@@ -117,9 +117,11 @@ class Baseline(ABC):
         kind: What it reads: ``haptic`` any signals, ``visual`` any photos.
         min_side: Smallest side in pixels of a photo it can classify; of no meaning for traces.
         sampling_rate: Sampling rate of the traces in Hz; set by the classifier.
+        budgeted: Smallest value of each setting that ``debug=tiny`` makes smaller.
     """
 
     kind: ClassVar[Literal["haptic", "visual"]]
+    budgeted: ClassVar[Mapping[str, int]] = {}
     min_side = 0  # no settings of their own: it follows from the settings,
     sampling_rate = 10_000.0  # and this from data.sampling_rate
 
@@ -169,8 +171,12 @@ class Baseline(ABC):
         )
 
     def with_budget(self, budget: float) -> Self:
-        """Return it with its budget (steps, kernels, components) multiplied, for ``debug=tiny``."""
-        return self
+        """Return it with all of :attr:`budgeted` multiplied, for ``debug=tiny``."""
+        scaled = {
+            name: max(least, int(getattr(self, name) * budget))
+            for name, least in self.budgeted.items()
+        }
+        return replace(self, **scaled)
 
 
 @dataclass

@@ -61,6 +61,7 @@ class FisherVectors(Baseline):
     cost: float
 
     kind: ClassVar = "visual"
+    budgeted: ClassVar = dict.fromkeys(("components", "photos", "descriptors"), 2)
     MIN_SIDE: ClassVar = 30
 
     def __post_init__(self) -> None:
@@ -99,15 +100,9 @@ class FisherVectors(Baseline):
         self.frozen = frozen.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def with_budget(self, budget: float) -> Self:
-        """Fewer Gaussians and features, and only the scales nearest to the photo's own."""
+        """Return it with fewer Gaussians, features and scales, those nearest to the photo's own."""
         kept = max(1, int(len(self.scales) * budget))
-        return replace(
-            self,
-            scales=sorted(self.scales, key=abs)[:kept],
-            components=max(2, int(self.components * budget)),
-            photos=max(2, int(self.photos * budget)),
-            descriptors=max(2, int(self.descriptors * budget)),
-        )
+        return replace(super().with_budget(budget), scales=sorted(self.scales, key=abs)[:kept])
 
     def fit(self, recordings: Sequence[Array], labels: npt.NDArray[np.int64], seed: int) -> None:
         """Fit the mixture to features of some photos, and the SVMs to Fisher vectors of all."""

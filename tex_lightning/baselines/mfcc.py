@@ -9,8 +9,8 @@
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -128,10 +128,7 @@ class MfccMixtures(EstimatorBaseline, Cepstra):
     min_variance: float
 
     kind: ClassVar = "haptic"
-
-    def with_budget(self, budget: float) -> Self:
-        """Fewer components."""
-        return replace(self, components=max(1, int(self.components * budget)))
+    budgeted: ClassVar = {"components": 1}
 
     def features(self, recording: Array) -> Array:
         """Return the coefficients of all frames (frames, last - first + 1)."""

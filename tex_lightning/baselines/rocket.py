@@ -4,8 +4,8 @@ Dempster, Schmidt and Webb (2021), as aeon has it; the strongest quick classifie
 """
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -45,10 +45,7 @@ class MiniRocket(EstimatorBaseline):
     keep_level: bool
 
     kind: ClassVar = "haptic"
-
-    def with_budget(self, budget: float) -> Self:
-        """Return it with fewer kernels."""
-        return replace(self, kernels=max(MIN_KERNELS, int(self.kernels * budget)))
+    budgeted: ClassVar = {"kernels": MIN_KERNELS}
 
     def make_estimator(self, seed: int) -> Any:  # noqa: ANN401
         """Return the pipeline of aeon's ``MiniRocketClassifier``."""

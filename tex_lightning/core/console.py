@@ -9,7 +9,6 @@ import io
 import logging
 import os
 import sys
-import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -166,34 +165,16 @@ class LogFile(logging.FileHandler):
             super().handleError(record)
 
 
-_LOCK = threading.Lock()
-# Those before, once for each thread that reads.
-_FILTERS: list["warnings.catch_warnings[None]"] = []
-
-
 @contextmanager
 def suppress_warnings() -> Iterator[None]:
-    """Keep what libraries warn of while they read, in any number of threads.
+    """Keep what libraries warn of while they read.
 
-    The filters of warnings are those of the process: the first thread sets them aside, the last
-    puts them back.
+    The filters of warnings are those of the process: threads read inside of one such block.
     """
-    with _LOCK:
-        if not _FILTERS:
-            before = warnings.catch_warnings(record=False)
-            before.__enter__()
-            for category in (UserWarning, RuntimeWarning):
-                warnings.simplefilter("ignore", category)
-        else:
-            before = _FILTERS[0]
-        _FILTERS.append(before)
-    try:
+    with warnings.catch_warnings():
+        for category in (UserWarning, RuntimeWarning):
+            warnings.simplefilter("ignore", category)
         yield
-    finally:
-        with _LOCK:
-            before = _FILTERS.pop()
-            if not _FILTERS:
-                before.__exit__(None, None, None)
 
 
 @cache

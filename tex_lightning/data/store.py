@@ -21,6 +21,7 @@ import platformdirs
 import torch
 from torch import Tensor
 
+from tex_lightning.core.console import suppress_warnings
 from tex_lightning.core.devices import computing_threads
 from tex_lightning.core.files import require_file, resolved, write_atomically
 from tex_lightning.core.progress import track
@@ -146,7 +147,11 @@ class Store:
         """
         rows = list(recordings)
         # a core for each file
-        with computing_threads(1), ThreadPoolExecutor(os.cpu_count()) as pool:
+        with (
+            suppress_warnings(),
+            computing_threads(1),
+            ThreadPoolExecutor(os.cpu_count()) as pool,
+        ):
             jobs = [pool.submit(self._try, row) for row in rows]
             try:
                 results = [job.result() for job in track(jobs, "Decoding")]
