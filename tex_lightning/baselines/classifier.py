@@ -91,17 +91,6 @@ class Movement(nn.Module):
         Raises:
             UserError: If there is too little movement.
         """
-        axes = self.steady(trace)
-        if len(axes) > 1:
-            return dft321(axes[:, : quick_length(axes.shape[1])])[None, None]
-        return (axes - axes.mean(dim=1, keepdim=True))[None]
-
-    def steady(self, trace: Tensor) -> Tensor:
-        """Steady movement (axes, samples) of a trace.
-
-        Raises:
-            UserError: If there is too little.
-        """
         axes = trace.float()
         if self.skip_impact:
             axes = axes[:, movement_start(axes, self.sampling_rate) :]
@@ -110,7 +99,9 @@ class Movement(nn.Module):
                 f"The signal has {axes.shape[1] / self.sampling_rate:.2f} s of movement, too "
                 "little to classify; record a longer stroke."
             )
-        return axes
+        if len(axes) > 1:
+            return dft321(axes[:, : quick_length(axes.shape[1])])[None, None]
+        return (axes - axes.mean(dim=1, keepdim=True))[None]
 
 
 class Pixels(nn.Identity):

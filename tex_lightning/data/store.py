@@ -9,11 +9,11 @@ half an array and two processes that decode the same file do no harm.
 import hashlib
 import json
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -58,6 +58,7 @@ FINGERPRINT_BYTES = 65_536
 LAYOUT = 6  # of an entry: what an earlier version decoded otherwise is decoded anew
 UNREADABLE = (OSError, ValueError, EOFError)  # not there yet, or damaged by a full disk
 RATE_BYTES = 144  # of two numbers as .npy, which stand behind the array of a trace
+T = TypeVar("T")
 Decoded = tuple[npt.NDArray[Any], SourceRate | None]
 
 
@@ -116,12 +117,7 @@ class Store:
 
     def load(self, recording: Recording) -> npt.NDArray[Any]:
         """Return a read-only map: (axes, samples) float32 or (height, width, 3) uint8."""
-        try:
-            return _map(self._entry(recording))
-        except UNREADABLE:
-            array, _ = self._write(recording, self._decode(recording))
-            array.flags.writeable = False
-            return array
+        return self._read(recording, _map)
 
     def extent(self, recording: Recording) -> float:
         """Return how long or large a recording is, in the unit of its decoder."""
@@ -129,15 +125,16 @@ class Store:
 
     def rate(self, recording: Recording) -> SourceRate:
         """Return the sampling rate of a trace's file, and its source."""
+        return self._read(recording, _read_rate)
+
+    def _read(self, recording: Recording, read: Callable[[Path], T]) -> T:
+        """Read from the entry of a recording, which is made if the cache has no whole one."""
+        entry = self._entry(recording)
         try:
-            with self._entry(recording).open("rb") as stream:
-                stream.seek(-RATE_BYTES, os.SEEK_END)
-                hz, source = np.load(stream, allow_pickle=False).tolist()
-            return SourceRate(hz, SOURCES[int(source)])
+            return read(entry)
         except UNREADABLE:
-            _, rate = self._write(recording, self._decode(recording))
-            assert rate is not None, "only a trace has a rate"
-            return rate
+            self._write(entry, self._decode(recording))
+            return read(entry)
 
     def fill(self, recordings: Iterable[Recording]) -> list[Unusable]:
         """Decode what is not in the cache yet, several files at a time.
@@ -170,7 +167,7 @@ class Store:
             decoded = self._decode(recording)
         except UserError as error:
             return Unusable(recording, str(error))
-        self._write(recording, decoded)
+        self._write(entry, decoded)
         return None
 
     def _entry(self, recording: Recording) -> Path:
@@ -197,12 +194,11 @@ class Store:
         array, rate = decoder.decode(recording.path, recording.sampling_rate)
         return cut_part(array, recording.part, recording.path), rate
 
-    def _write(self, recording: Recording, decoded: Decoded) -> Decoded:
+    def _write(self, entry: Path, decoded: Decoded) -> None:
         try:
-            write_atomically(self._entry(recording), lambda path: _save(path, *decoded))
+            write_atomically(entry, lambda path: _save(path, *decoded))
         except UserError as error:
             raise _unwritable(self.root.parent, error.__cause__) from error
-        return decoded
 
 
 def _save(path: Path, array: npt.NDArray[Any], rate: SourceRate | None) -> None:
@@ -212,6 +208,13 @@ def _save(path: Path, array: npt.NDArray[Any], rate: SourceRate | None) -> None:
         if rate is not None:
             numbers = np.array([rate.hz, SOURCES.index(rate.source)], np.float64)
             np.save(stream, numbers, allow_pickle=False)
+
+
+def _read_rate(entry: Path) -> SourceRate:
+    with entry.open("rb") as stream:
+        stream.seek(-RATE_BYTES, os.SEEK_END)
+        hz, source = np.load(stream, allow_pickle=False).tolist()
+    return SourceRate(hz, SOURCES[int(source)])
 
 
 def _map(entry: Path) -> npt.NDArray[Any]:

@@ -12,10 +12,9 @@ import numpy.typing as npt
 import soundfile
 
 from tex_lightning.core.files import write_atomically
-from tex_lightning.data.readers.folder import read_folder, suffixes_of
+from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import (
     KNOWN,
-    MODALITIES,
     Recording,
     Recordings,
     read_manifest,
@@ -100,9 +99,10 @@ class ClassFolder:
         """Return the recordings of the manifest, or else those in the folder."""
         if self.manifest.is_file():
             return read_manifest(self.manifest)
-        suffixes = {suffix for name in MODALITIES for suffix in suffixes_of(name)}
-        has_files = any(file.suffix.lower() in suffixes for file in self.root.glob("*/**/*"))
-        return read_folder(self.root) if has_files else Recordings(())
+        try:
+            return read_folder(self.root)
+        except UserError:  # nothing is there yet
+            return Recordings(())
 
     def next_name(self) -> str:
         """Return the file name of the next recording, without suffix; its number is the largest."""
