@@ -44,8 +44,10 @@ def calling(key: str, kind: str, part: object) -> Iterator[None]:
     """
     try:
         yield
+    except UserError:
+        raise
     except Exception as error:
-        note(error, key, kind, part)
+        _note(error, f"{key} ({_name(part)}) raised {type(error).__name__}: {CONTRACTS[kind]}.")
         raise
 
 
@@ -115,12 +117,6 @@ def resolve(key: str, target: str) -> Any:  # noqa: ANN401
 
 def _not_there(key: str, error: Exception) -> UserError:
     return UserError(f"{key} fails: {reason(error)}; correct its _target_ or arguments.")
-
-
-def note(error: Exception, key: str, kind: str, part: object) -> None:
-    """Note on what a class raised its key and contract; arguments as of :func:`calling`."""
-    if not isinstance(error, UserError):
-        _note(error, f"{key} ({_name(part)}) raised {type(error).__name__}: {CONTRACTS[kind]}.")
 
 
 def _note(error: Exception, said: str) -> None:

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.config.instantiation import TARGET, make, make_value, trusted_class
-from tex_lightning.core.contract import breach, describe, note
+from tex_lightning.core.contract import breach, calling, describe
 from tex_lightning.data.banks import Bank
 from tex_lightning.data.decode import Array, Decoder
 from tex_lightning.data.quality import Quality, Ranges
@@ -163,11 +163,8 @@ class Sense(nn.Module, ABC):
         x = x.to(next(chain(self.buffers(), self.parameters()), x).device)
         part = f"model.{self.name}.features", "features", self.features
         batch = len(x) if x.dim() == 4 else 1
-        try:
+        with calling(*part):
             found: object = self.features(x)
-        except Exception as error:
-            note(error, *part)
-            raise
         if not isinstance(found, Tensor) or found.dim() < self.dimensions or len(found) != batch:
             raise breach(*part, f"returned {describe(found)} for a batch of {batch}")
         if x.is_floating_point() and not bool(found.isfinite().all()):
@@ -250,11 +247,8 @@ class Sense(nn.Module, ABC):
         network: Any = self.network
         x = x.to(next(network.parameters(), x).dtype)
         part = f"model.{self.name}.network", "network", network
-        try:
+        with calling(*part):
             found: object = network.features(x, level)
-        except Exception as error:
-            note(error, *part)
-            raise
         if not isinstance(found, Tensor) or found.dim() < 3 or len(found) != len(x):
             raise breach(*part, f"returned {describe(found)} for a batch of {len(x)}")
         return found
