@@ -9,7 +9,9 @@ runs networks of these names only.
 
 import logging
 import os
+import random
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +21,12 @@ from torch import nn
 from benchmarks._classifiers import configured, make_classifier
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
+from tex_lightning.data.decode import PhotoDecoder
+from tex_lightning.data.folds import make_samples
+from tex_lightning.data.readers import read_recordings
+from tex_lightning.data.store import Store, cache_root, load_sample
 from tex_lightning.errors import UserError
-from tex_lightning.export.check import Sample, check_samples, compare, decoded
+from tex_lightning.export.check import Sample, compare, decoded, noise_sample
 from tex_lightning.export.onnx_file import make_onnx, onnx_runner
 from tex_lightning.export.tracing import trace
 
@@ -73,7 +79,7 @@ def _measure(overrides: Sequence[str]) -> dict[str, Any]:
     classifier = make_classifier(
         *overrides, f"data.half_scale={not REAL.is_dir()}", classes=CLASSES
     )
-    samples = check_samples(config.data, classifier, COUNT)
+    samples = _samples(config, classifier)
     _learn(classifier, samples[:CLASSES])
     model = make_onnx(classifier, trace(classifier))
     found = compare(onnx_runner(model), classifier, samples)
@@ -90,6 +96,21 @@ def _data(config: Config) -> list[str]:
     if "visual" in senses:
         return ["data=manifest", f"data.manifest={REAL / 'surfaces10.csv'}"]
     return ["data=folder", f"data.root={REAL / 'lmt16'}"]
+
+
+def _samples(config: Config, classifier: SurfaceClassifier) -> list[Sample]:
+    """Return real samples drawn at random, photos in full size; noise where there are none."""
+    if not REAL.is_dir():
+        return [noise_sample(classifier, seed) for seed in range(COUNT)]
+    modalities, decoders = classifier.card.modalities, {}
+    for sense in classifier.senses.values():
+        decoder = sense.decoder.assuming(config.data.file_rate)
+        photo = isinstance(decoder, PhotoDecoder)
+        decoders[sense.modality] = replace(decoder, half_scale=False) if photo else decoder
+    samples = make_samples(read_recordings(config.data, modalities), modalities)
+    random.Random(0).shuffle(samples)  # so that the first come from many classes
+    store = Store(cache_root(config.data.cache_dir), decoders)
+    return [load_sample(sample, store) for sample in samples[:COUNT]]
 
 
 @torch.no_grad()

@@ -21,12 +21,9 @@ def results(folder: Path) -> dict:
 
 
 @pytest.fixture(scope="module")
-def fusion(run_once, untrained, surfaces) -> Path:
+def fusion(run_once, untrained) -> Path:
     """The folder of an exported FusionNet."""
-    return run_once(
-        "task=export", f"checkpoint={untrained}", "data=folder", f"data.root={surfaces}",
-        "export.check=3",
-    )  # fmt: skip
+    return run_once("task=export", f"checkpoint={untrained}", "export.check=3")
 
 
 def test_export_json_says_what_was_compared(fusion):

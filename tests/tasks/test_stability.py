@@ -81,7 +81,7 @@ def test_results_and_figures_are_there(tested, lines):
         if line["system"] == "fusion" and line["severity"] != "0"
     ]
     assert results["systems"]["fusion"]["mean_error"] == pytest.approx(np.mean(errors))
-    for name in ("heat_map", "curves_haptic", "curves_image", "curves_both"):
+    for name in ("curves_haptic", "curves_image", "curves_both"):
         assert (tested / "figures" / f"{name}.png").stat().st_size > 5000
 
 

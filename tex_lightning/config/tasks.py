@@ -145,5 +145,5 @@ class ExportConfig:
         "onnx: onnxruntime, web: a browser, card: people",
         choices=("onnx", "web", "card"),
     )
-    check: int = key("recordings of data=NAME on which the file is compared", "[0, 100000]")
+    check: int = key("recordings of noise on which the file is compared", "[0, 100000]")
     web_runtime: str | None = key(".tgz of onnxruntime-web; null fetches it", default=None)

@@ -1,10 +1,7 @@
-"""Recordings on which an exported file is checked against its classifier."""
+"""Comparison of an exported file with its classifier, on recordings of noise."""
 
-import random
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from itertools import islice
 from statistics import median
 from typing import Any
 
@@ -14,19 +11,13 @@ import torch
 from torch import Tensor
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.config import DataConfig
 from tex_lightning.core.progress import track
-from tex_lightning.data.decode import Decoder, PhotoDecoder
-from tex_lightning.data.folds import make_samples
-from tex_lightning.data.readers import read_recordings
-from tex_lightning.data.recordings import Recording
-from tex_lightning.data.store import Store, cache_root, load_recording
+from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.errors import UserError
 from tex_lightning.export.graph import DRAWS
 from tex_lightning.export.tracing import draws, example
 from tex_lightning.senses.features.proportions import BandProportions
 
-MADE_UP = "synthetic"  # data: no files are read
 SHORTEST = 0.5  # of the example that is traced
 TOLERANCE = 1e-4  # of the range of a recording's scores
 # The same where comparisons are counted: a few of thousands fall the other way by rounding, above
@@ -37,54 +28,8 @@ Sample = dict[str, Tensor]  # recordings by modality, as a file takes them
 Runner = Callable[[Mapping[str, Array]], Mapping[str, Array]]  # inputs to outputs, by name
 
 
-def check_samples(data: DataConfig, classifier: SurfaceClassifier, count: int) -> list[Sample]:
-    """Return usable samples of the data, drawn at random, or noise of as many sizes.
-
-    Args:
-        data: ``synthetic`` gives noise; anything else is read.
-        classifier: Classifier that decodes.
-        count: How many at most.
-
-    Raises:
-        UserError: If the data has no usable sample.
-    """
-    if data.name == MADE_UP:
-        return [_noise(classifier, seed) for seed in range(count)]
-    samples = make_samples(
-        read_recordings(data, classifier.card.modalities), classifier.card.modalities
-    )
-    decoders: dict[str, Decoder] = {}
-    for sense in classifier.senses.values():
-        decoder = sense.decoder.assuming(data.file_rate)
-        if isinstance(decoder, PhotoDecoder):
-            decoder = replace(decoder, half_scale=False)
-        decoders[sense.modality] = decoder
-    store = Store(cache_root(data.cache_dir), decoders)
-    random.Random(0).shuffle(samples)  # so that the first come from many classes
-    loaded = (_load(sample.recordings, store, classifier) for sample in samples)
-    usable = list(islice(filter(None, loaded), count))
-    if count and not usable:
-        raise UserError(
-            f"data={data.name} has no recording that the exported file could classify; give other "
-            "data, or none."
-        )
-    return usable
-
-
-def _load(rows: Mapping[str, Recording], store: Store, classifier: SurfaceClassifier) -> Sample:
-    """Return a sample; empty if it is damaged or too small."""
-    try:
-        sample = {name: load_recording(row, store) for name, row in rows.items()}
-        recordings = decoded(sample, classifier)
-        for sense in classifier.senses.values():
-            sense.check(recordings[sense.modality])
-    except UserError:
-        return {}
-    return sample
-
-
-def _noise(classifier: SurfaceClassifier, seed: int) -> Sample:
-    """Recordings of a size of their own; every second signal begins with quiet and a touch."""
+def noise_sample(classifier: SurfaceClassifier, seed: int) -> Sample:
+    """Draw recordings of random sizes; every second signal begins with quiet and a touch."""
     rng, found = np.random.default_rng(seed), {}
     for sense in classifier.senses.values():
         noise = example(sense, seed)

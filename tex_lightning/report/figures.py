@@ -1,6 +1,6 @@
 """Figures, drawn without a display."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,6 @@ from tex_lightning.core.files import write_atomically
 from tex_lightning.evaluation.calibration import BINS, confidences, correct_votes
 from tex_lightning.evaluation.outcomes import Counts, Outcome
 from tex_lightning.report.style import GUIDE, brief, styled
-from tex_lightning.text import printable
 
 MAX_NAMED = 30  # classes up to which counts are written in
 MAX_LABELLED = 150  # classes up to which each is named; the matrix of more is no larger
@@ -59,29 +58,6 @@ def make_grid(
     return figure, grid[:count]
 
 
-def draw_shares(
-    axes: Axes,
-    shares: npt.NDArray[np.float64],
-    rows: Sequence[str],
-    columns: Sequence[str],
-    texts: Mapping[tuple[int, int], str],
-    label: str,
-    gamma: float = 1,
-) -> None:
-    """Colours for a table of shares from 0 to 1 (rows, columns), and texts in some of its cells.
-
-    A colour bar with the ``label`` explains them. A ``gamma`` below 1 brings out small shares.
-    """
-    image = axes.imshow(shares, norm=PowerNorm(gamma, 0, 1), cmap="viridis", aspect="auto")
-    axes.set_xticks(range(len(columns)), map(printable, columns), rotation=90)
-    axes.set_yticks(range(len(rows)), map(printable, rows))
-    for (row, column), text in texts.items():
-        colour = "black" if shares[row, column] ** gamma > 0.6 else "white"
-        axes.text(column, row, text, ha="center", va="center", fontsize=7, color=colour)
-    bar = axes.figure.colorbar(image, ax=axes, shrink=0.6, label=label)
-    bar.ax.yaxis.set_major_formatter(PercentFormatter(1))
-
-
 @styled
 def confusion_figure(counts: Counts, classes: list[str], title: str) -> Figure:
     """Draw a confusion matrix, rows normalised to 1.
@@ -93,11 +69,18 @@ def confusion_figure(counts: Counts, classes: list[str], title: str) -> Figure:
     figure = Figure(figsize=(side, side), layout="constrained")
     axes = figure.subplots()
     shares: npt.NDArray[np.float64] = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-    cells = [] if many else np.argwhere(counts).tolist()
-    texts = {(row, column): str(counts[row, column]) for row, column in cells}
+    gamma = GAMMA if many else 1
+    image = axes.imshow(shares, norm=PowerNorm(gamma, 0, 1), cmap="viridis")
     names = [brief(name, MAX_CHARACTERS) for name in classes]
     names = names if len(classes) <= MAX_LABELLED else []
-    draw_shares(axes, shares, names, names, texts, "share of the true class", GAMMA if many else 1)
+    axes.set_xticks(range(len(names)), names, rotation=90)
+    axes.set_yticks(range(len(names)), names)
+    for row, column in [] if many else np.argwhere(counts).tolist():
+        colour = "black" if shares[row, column] > 0.6 else "white"
+        cell = str(counts[row, column])
+        axes.text(column, row, cell, ha="center", va="center", fontsize=7, color=colour)
+    bar = figure.colorbar(image, ax=axes, shrink=0.6, label="share of the true class")
+    bar.ax.yaxis.set_major_formatter(PercentFormatter(1))
     if many:
         axes.tick_params(labelsize=SMALL, length=0, pad=1)
     axes.set(xlabel="predicted", ylabel="true", title=title)

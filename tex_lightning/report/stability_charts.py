@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
 from tex_lightning.perturbations.table import SEVERITIES, Perturbation
-from tex_lightning.report.figures import draw_shares, make_grid
+from tex_lightning.report.figures import make_grid
 from tex_lightning.report.style import brief, looks, styled
 from tex_lightning.report.table import counted, make_table, print_tables
 
@@ -63,34 +63,12 @@ def print_stability(results: dict[str, Any], directory: Path) -> None:
 def stability_figures(
     trials: Sequence[StabilityRow], table: Mapping[str, Perturbation]
 ) -> dict[str, Figure]:
-    """Figures by title: ``heat_map``, and ``curves_MODALITY`` for what was perturbed."""
-    figures = {"heat_map": heat_map(trials)}
+    """Return by title ``curves_MODALITY``, a figure for each modality that was perturbed."""
+    figures = {}
     for modality in dict.fromkeys(trial.modality for trial in trials):
         some = [trial for trial in trials if trial.modality == modality]
         figures[f"curves_{modality}"] = curves(some, table, modality)
     return figures
-
-
-@styled
-def heat_map(trials: Sequence[StabilityRow]) -> Figure:
-    """Vote accuracy, mean over severities 1 to 5, of systems and perturbations."""
-    systems = list(dict.fromkeys(trial.system for trial in trials))
-    names = list(dict.fromkeys(trial.perturbation for trial in trials))
-    cells: dict[tuple[int, int], list[float]] = {}
-    for trial in trials:
-        if trial.severity > 0:
-            place = (names.index(trial.perturbation), systems.index(trial.system))
-            cells.setdefault(place, []).append(trial.vote_accuracy)
-    shares = np.full((len(names), len(systems)), np.nan)
-    for place, values in cells.items():
-        shares[place] = np.mean(values)
-    size = (3.5 + 0.9 * len(systems), 2.5 + 0.2 * len(names))
-    figure = Figure(figsize=size, layout="constrained")
-    texts = {place: f"{shares[place]:.0%}" for place in cells}
-    axes = figure.subplots()
-    draw_shares(axes, shares, names, systems, texts, "correct votes")
-    axes.set_title("mean of severities 1 to 5")
-    return figure
 
 
 @styled

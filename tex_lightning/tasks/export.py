@@ -14,7 +14,7 @@ from tex_lightning.core.console import say
 from tex_lightning.core.files import read_record, write_atomically, write_bytes, write_text
 from tex_lightning.data.store import cache_root
 from tex_lightning.errors import UserError
-from tex_lightning.export.check import check_samples, compare, require_agreement
+from tex_lightning.export.check import compare, noise_sample, require_agreement
 from tex_lightning.export.metadata import metadata, model_card
 from tex_lightning.export.onnx_file import make_onnx, onnx_runner, without_defaults, write_onnx
 from tex_lightning.export.tracing import trace
@@ -76,7 +76,7 @@ def _write_onnx(
 ) -> dict[str, Any]:
     """Write what onnxruntime runs, compared with its classifier before; and the page around it."""
     model = make_onnx(classifier, trace(classifier))
-    samples = check_samples(config.data, classifier, config.export.check)
+    samples = [noise_sample(classifier, seed) for seed in range(config.export.check)]
     agreement = compare(onnx_runner(model), classifier, samples)
     require_agreement(agreement, classifier)
     content = without_defaults(model) if page else model
