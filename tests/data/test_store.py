@@ -50,6 +50,18 @@ def test_decodes_each_file_once(store, surfaces, monkeypatch):
     store.load(rows.of("haptic").rows[0])
 
 
+def test_what_is_derived_is_computed_once_of_each_file_and_key(store, surfaces):
+    one, other = read_folder(surfaces).of("haptic").rows[:2]
+    calls = []
+
+    def derived(row, key):
+        return store.derived(row, key, lambda: calls.append((row, key)) or np.arange(3.0))
+
+    for row, key in [(one, "a"), (one, "a"), (other, "a"), (one, "b")]:
+        np.testing.assert_array_equal(derived(row, key), np.arange(3.0))
+    assert calls == [(one, "a"), (other, "a"), (one, "b")]
+
+
 def test_a_changed_file_or_setting_is_decoded_anew(store, tmp_path):
     path = tmp_path / "data" / "a" / "haptic" / "1.npy"
     path.parent.mkdir(parents=True)

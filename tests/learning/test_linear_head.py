@@ -7,6 +7,7 @@ from scipy.special import softmax
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import PredefinedSplit, cross_val_predict
 
+from tex_lightning.config import EngineConfig
 from tex_lightning.core.groups import leave_out
 from tex_lightning.learning.module import SurfaceModule
 from tex_lightning.learning.start import _view, fit_linear_head
@@ -14,14 +15,21 @@ from tex_lightning.networks.linear import fit_temperature
 from tex_lightning.perturbations.table import Augmentation
 
 COLOURS = np.array([[190, 150, 150], [150, 190, 150], [150, 150, 190]], np.uint8)
+ENGINE = EngineConfig(fast=False, tile=None)
 PROBE = {"passes": 1, "side": 300, "strength": 0.03}
 
 
 class Photos:
-    """A bank of photos in memory."""
+    """A bank of photos in memory, and a store that counts what it computes."""
 
     def __init__(self, photos, augmentation=None):
-        self.recordings, self.augmentation = photos, augmentation
+        self.recordings, self.augmentation, self.store = photos, augmentation, self
+        self.kept = {}
+
+    def derived(self, recording, key, compute):
+        if (id(recording), key) not in self.kept:
+            self.kept[id(recording), key] = compute()
+        return self.kept[id(recording), key]
 
     def photo(self, index):
         return self.recordings[index]
@@ -63,7 +71,7 @@ def test_mean_score_is_that_of_scikit_learn_on_mean_features():
             image = module.classifier.senses["visual"](torch.from_numpy(photo))
             raw.append(module.network.eval().trunk(image).mean(dim=(0, 2, 3)).double().numpy())
     groups = names(12)
-    fit_linear_head(module, photos, labels, groups)
+    fit_linear_head(module, photos, labels, groups, ENGINE)
     spread = np.sqrt(np.var(raw, axis=0) + 0.1**2)
     rows = (raw - np.mean(raw, axis=0)) / spread
     expected = LogisticRegression(C=0.03, tol=1e-6, max_iter=5000)
@@ -79,9 +87,22 @@ def test_mean_score_is_that_of_scikit_learn_on_mean_features():
 def test_large_photos_are_cut_small_ones_mirrored_and_all_of_them_perturbed():
     module = module_of(2)
     photos, _ = photos_of(2, 2, seed=1, size=(180, 700))
-    view = _view(photos, 0, module)
-    assert view.shape == (224, 300, 3)
-    assert np.array_equal(view, _view(photos, 0, module))
-    assert not np.array_equal(view, _view(photos, 2, module))  # the next pass cuts elsewhere
+    corner, view = _view(photos, 0, 0, module)
+    assert view.shape == (180, 300, 3)
+    assert np.array_equal(view, _view(photos, 0, 0, module)[1])
+    assert corner != _view(photos, 0, 1, module)[0]  # the next pass cuts elsewhere
     darker = Photos(photos.recordings, Augmentation.of(["darkness"], share=1.0))
-    assert _view(darker, 0, module).mean() < 0.99 * view.mean()
+    assert _view(darker, 0, 0, module)[1].mean() < 0.99 * view.mean()
+
+
+def test_features_of_a_view_are_computed_once():
+    photos, labels = photos_of(2, 4, seed=1)
+    module, other = module_of(2, {**PROBE, "passes": 2}), module_of(2)
+    fit_linear_head(module, photos, labels, names(4), ENGINE)
+    assert len(photos.kept) == 4  # as both passes see the whole photo
+    fit_linear_head(other, photos, labels, names(4), ENGINE)
+    assert len(photos.kept) == 4
+    with torch.no_grad():
+        next(other.network.trunk.parameters()).mul_(2)  # another trunk
+    fit_linear_head(other, photos, labels, names(4), ENGINE)
+    assert len(photos.kept) == 8

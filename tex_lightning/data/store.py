@@ -136,6 +136,25 @@ class Store:
             self._write(entry, self._decode(recording))
             return read(entry)
 
+    def derived(
+        self, recording: Recording, key: str, compute: Callable[[], npt.NDArray[Any]]
+    ) -> npt.NDArray[Any]:
+        """Return what was computed of a recording before, by any run; else compute and keep it.
+
+        Args:
+            recording: Of which it is computed.
+            key: Digest of all else that it depends on.
+            compute: Computes it; called only if it is not there.
+        """
+        entry = self._entry(recording)
+        path = entry.with_name(f"{entry.stem}-{key}.npy")
+        with suppress(*UNREADABLE):
+            return np.array(_map(path))
+        array = compute()
+        with suppress(UserError):  # a cache that can only be read
+            write_atomically(path, lambda partial: _save(partial, array, None))
+        return array
+
     def fill(self, recordings: Iterable[Recording]) -> list[Unusable]:
         """Decode what is not in the cache yet, several files at a time.
 

@@ -1,6 +1,8 @@
 """Start a network: a trunk from given weights, and layers that are fitted in closed form."""
 
+import hashlib
 import inspect
+import json
 import logging
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -11,10 +13,11 @@ import numpy as np
 import numpy.typing as npt
 import torch
 from threadpoolctl import threadpool_limits
-from torch import Tensor
+from torch import Tensor, nn
 
 from tex_lightning.classifier.card import SUFFIX
-from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier, content_seed
+from tex_lightning.config import EngineConfig
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.console import log_once
 from tex_lightning.core.contract import calling
@@ -22,7 +25,10 @@ from tex_lightning.core.groups import leave_out
 from tex_lightning.core.progress import track
 from tex_lightning.data.banks import Bank, Indices, InputBank, PhotoBank, mirrored, random_corner
 from tex_lightning.data.datamodule import TrainingBatches
+from tex_lightning.data.recordings import Recording
+from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
+from tex_lightning.inference.engine import accelerate
 from tex_lightning.learning.module import SurfaceModule
 from tex_lightning.networks.linear import LinearNet, fit_temperature
 from tex_lightning.networks.trunks import Trunk
@@ -93,6 +99,7 @@ def start_network(
     groups: Sequence[str],
     weights: str | None,
     device: torch.device,
+    engine: EngineConfig,
 ) -> None:
     """Fill the trunk with the given weights, and fit what is fitted to all recordings at once.
 
@@ -106,6 +113,7 @@ def start_network(
         groups: Group of each training recording of the first sense.
         weights: Source of the trunk's weights, see :func:`start_trunk`; None is random.
         device: Computes the features.
+        engine: How it does so.
 
     Raises:
         UserError: If the weights cannot be used.
@@ -118,11 +126,11 @@ def start_network(
     if hasattr(network, "fit"):
         with calling(f"model.{module.kind}.network", "network", network):
             fit_closed_form(network, bank, labels, groups)
-    if isinstance(network, VisualNet) and not network.has_hidden_layers:
+    if scores_textures(network):
         if weights is None:
             warn_of_random_weights(network.trunk)
         module.to(device)
-        fit_linear_head(module, cast(PhotoBank, bank), labels, groups)
+        fit_linear_head(module, cast(PhotoBank, bank), labels, groups, engine)
         module.to("cpu")
 
 
@@ -131,8 +139,12 @@ def fits_probabilities(classifier: SurfaceClassifier) -> bool:
     if classifier.fusion is not None:
         return False
     network = classifier.network
-    linear = isinstance(network, VisualNet) and not network.has_hidden_layers
-    return linear or isinstance(network, LinearNet)
+    return scores_textures(network) or isinstance(network, LinearNet)
+
+
+def scores_textures(network: nn.Module) -> bool:
+    """Return whether FC3 scores the texture features of a trunk as they are."""
+    return isinstance(network, VisualNet) and not network.has_hidden_layers
 
 
 def fit_closed_form(network: Any, bank: Bank, labels: Indices, groups: Sequence[str]) -> None:  # noqa: ANN401
@@ -145,7 +157,11 @@ def fit_closed_form(network: Any, bank: Bank, labels: Indices, groups: Sequence[
 
 
 def fit_linear_head(
-    module: SurfaceModule, photos: PhotoBank, labels: Labels, groups: Sequence[str]
+    module: SurfaceModule,
+    photos: PhotoBank,
+    labels: Labels,
+    groups: Sequence[str],
+    engine: EngineConfig,
 ) -> None:
     """Set FC3 of ``module``'s VisualNet, which has neither FC1 nor FC2.
 
@@ -163,12 +179,12 @@ def fit_linear_head(
         photos: Photos of the training set, perturbed if that has an augmentation.
         labels: Class index of each; every class occurs.
         groups: What was recorded together, of each photo.
+        engine: How features are computed.
     """
     recipe = module.fit_config["probe"]
     module.network.trunk.eval()
     numbers = np.tile(np.arange(len(labels)), recipe["passes"])
-    views = track(range(len(numbers)), "Features of the pretrained trunk")
-    raw = torch.stack([_mean_features(module, _view(photos, number, module)) for number in views])
+    raw = _view_features(module, photos, recipe["passes"], engine)
     last: TextureFeatures = module.network.trunk.layers[-1]
     features = last.standardise(raw)
     scale = features.shape[1] ** 0.5  # to unit variance, which strength and tolerance are meant for
@@ -215,23 +231,71 @@ def _regression(rows: Floats, targets: Labels, strength: float) -> tuple[Floats,
     return weights, biases
 
 
-def _view(photos: PhotoBank, number: int, module: SurfaceModule) -> Pixels:
-    """The next photo in turn, of a large one a random piece."""
-    rng = np.random.default_rng([module.seed, number])
-    photo, side = photos.photo(number % len(photos.recordings)), module.fit_config["probe"]["side"]
+class FrozenTrunk:
+    """Mean texture features of photos, of which no training changes the trunk.
+
+    They are kept in the store, where the next fold, run or classifier on the same photos finds
+    them.
+
+    Args:
+        classifier: With its trunk's weights, on the device that computes the features.
+        name: Name of the sense with the trunk.
+        engine: How the accelerated copy that computes them differs.
+    """
+
+    def __init__(self, classifier: SurfaceClassifier, name: str, engine: EngineConfig) -> None:
+        self.sense = accelerate(classifier, engine).senses[name]
+        trunk: Any = self.sense.network.trunk
+        last: TextureFeatures = trunk.layers[-1]
+        last.mean.zero_()  # as they come, before they are standardised
+        last.scale.fill_(1)
+        digest = hashlib.sha256(json.dumps(classifier.card.senses[name], sort_keys=True).encode())
+        digest.update(classifier.device.type.encode())
+        for tensor in trunk.state_dict().values():
+            digest.update(tensor.cpu().contiguous().numpy().data)
+        self.digest = digest.hexdigest()
+
+    @torch.no_grad()
+    def mean(self, view: Pixels) -> npt.NDArray[np.float32]:
+        """Features (D,) of a photo (height, width, 3), mean over its fragments."""
+        photo = torch.from_numpy(np.array(mirrored(view, self.sense.window_size[0])))
+        mean: npt.NDArray[np.float32] = self.sense.positions(photo, "fc2").mean(dim=1).cpu().numpy()
+        return mean
+
+    def kept(self, view: Pixels, corner: tuple[int, int], row: Recording, store: Store) -> Tensor:
+        """The same of a piece of a recording, found in the store or kept there."""
+        key = hashlib.sha256(f"{self.digest} {corner} {view.shape}".encode()).hexdigest()[:16]
+        return torch.from_numpy(store.derived(row, key, lambda: self.mean(view)))
+
+
+def _view_features(
+    module: SurfaceModule, photos: PhotoBank, passes: int, engine: EngineConfig
+) -> Tensor:
+    """Features (passes * photos, D) of a view of each photo, pass by pass."""
+    trunk = FrozenTrunk(module.classifier, module.kind, engine)
+    numbers = [(part, index) for part in range(passes) for index in range(len(photos.recordings))]
+    features = []
+    for part, index in track(numbers, "Features of the pretrained trunk"):
+        corner, view = _view(photos, index, part, module)
+        if photos.augmentation is None:
+            row = photos.recordings[index]
+            features.append(trunk.kept(view, corner, row, photos.store))
+        else:
+            features.append(torch.from_numpy(trunk.mean(view)))
+    return torch.stack(features).to(module.device)
+
+
+def _view(
+    photos: PhotoBank, index: int, part: int, module: SurfaceModule
+) -> tuple[tuple[int, int], Pixels]:
+    """Return where a view of a photo begins, and the view: of a large photo a random piece."""
+    photo, side = photos.photo(index), module.fit_config["probe"]["side"]
+    rng = np.random.default_rng([content_seed(module.seed, photo), part])
     top, left = random_corner(photo, side, rng)
     view = np.array(photo[top : top + side, left : left + side])
     if photos.augmentation is not None:
         view = photos.augmentation(view, rng)
-    return mirrored(view, module.network.window_size[0])
-
-
-@torch.no_grad()
-def _mean_features(module: SurfaceModule, view: Pixels) -> Tensor:
-    """Features (D,) of a photo, mean over its fragments."""
-    sense = next(iter(module.classifier.senses.values()))
-    features: Tensor = module.network.trunk(sense(torch.from_numpy(view)))
-    return features.mean(dim=(0, 2, 3))
+    return (top, left), view
 
 
 @torch.no_grad()

@@ -6,7 +6,7 @@ thresholds, and the novelties that set ``decision.unknown``.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import cast
+from typing import Any, cast
 
 import torch
 from torch import Tensor
@@ -22,11 +22,16 @@ from tex_lightning.data.recordings import Recording, Recordings, class_indices, 
 from tex_lightning.data.store import Store, load_recording, load_sample
 from tex_lightning.evaluation.calibration import calibrated_card
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.learning.start import fits_probabilities
+from tex_lightning.learning.start import FrozenTrunk, fits_probabilities, scores_textures
 
 
 def keep_statistics(
-    classifier: SurfaceClassifier, rows: Recordings, store: Store, engine: EngineConfig
+    classifier: SurfaceClassifier,
+    rows: Recordings,
+    store: Store,
+    engine: EngineConfig,
+    *,
+    frozen: bool,
 ) -> dict[str, list[float]]:
     """Give a trained classifier its :attr:`~SurfaceClassifier.statistics`, of every sense.
 
@@ -35,6 +40,8 @@ def keep_statistics(
         rows: The training recordings, which are not perturbed.
         store: Where they are decoded.
         engine: How the accelerated copy that computes the features differs.
+        frozen: Whether nothing but layers in closed form was trained, so that texture features
+            are those of any other classifier.
 
     Returns:
         By sense :func:`left_out_novelties` of its recordings.
@@ -45,8 +52,11 @@ def keep_statistics(
     for name, sense in classifier.senses.items():
         recordings = rows.of(sense.modality).rows
         labels = torch.tensor(class_indices([row.label for row in recordings], classes))
-        positions = position_features(fast, name, recordings, store)
-        features = torch.stack([embedding.mean(dim=1) for embedding in positions])
+        if frozen and scores_textures(sense.network):
+            features = _texture_features(classifier, name, recordings, store, engine)
+        else:
+            positions = position_features(fast, name, recordings, store)
+            features = torch.stack([embedding.mean(dim=1) for embedding in positions])
         statistics = FeatureStatistics.of(features, labels, len(classes))
         classifier.statistics[name] = statistics.to(classifier.device)
         groups = [row.group_key for row in recordings]
@@ -75,6 +85,22 @@ def left_out_novelties(
         statistics = FeatureStatistics.of(features[~out], labels[~out], classes)
         novelties[out] = statistics.novelty(features[out])
     return novelties.tolist()
+
+
+def _texture_features(
+    classifier: SurfaceClassifier,
+    name: str,
+    rows: Sequence[Recording],
+    store: Store,
+    engine: EngineConfig,
+) -> Tensor:
+    """Features (recordings, D), on the CPU, of whole photos that the store may have."""
+    trunk = FrozenTrunk(classifier, name, engine)
+    photos = track(rows, f"Statistics of {plural(rows[0].modality)}")
+    raw = [trunk.kept(store.load(row), (0, 0), row, store) for row in photos]
+    network: Any = classifier.senses[name].network
+    features: Tensor = network.trunk.layers[-1].standardised(torch.stack(raw).to(classifier.device))
+    return features.cpu()
 
 
 @torch.inference_mode()

@@ -88,7 +88,7 @@ def train_network(
     resumed, fit = _check_resumable(last), module.fit_config
     if not resumed:
         groups = [row.group_key for row in parts.train.of(card.modalities[0]).rows]
-        start_network(module, batches, groups, config.sources.get(card.kind), device)
+        start_network(module, batches, groups, config.sources.get(card.kind), device, config.engine)
     validation = SampleSet(make_samples(parts.val, card.modalities), store, card.classes)
     data = SurfaceData(batches, fit["steps_per_epoch"], validation, config.data.num_workers)
     preparation = time.perf_counter() - begin
@@ -220,7 +220,8 @@ def _keep_statistics(
     """
     begin, classifier = time.perf_counter(), module.classifier
     classifier.to(device)
-    left_out = keep_statistics(classifier, parts.train, store, engine)
+    frozen = not module.fit_config["epochs"]
+    left_out = keep_statistics(classifier, parts.train, store, engine, frozen=frozen)
     fixed = all(start.card.training["left_out"] for start in unimodal.values())
     if module.fit_config["epochs"] or not fixed:  # layers before the scores know the recordings
         left_out = {}

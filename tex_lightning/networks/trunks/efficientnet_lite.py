@@ -181,6 +181,10 @@ class TextureFeatures(nn.Module):
         self.mean.copy_(features.mean(dim=0))
         variance = features.var(dim=0, correction=0)
         self.scale.copy_(((variance + MIN_DEVIATION**2) * features.shape[1]).sqrt())
+        return self.standardised(features)
+
+    def standardised(self, features: Tensor) -> Tensor:
+        """Return features (rows, D) as they come, standardised."""
         return (features - self.mean) / self.scale
 
 
