@@ -150,7 +150,7 @@ WEIGHTS: dict[str, Write] = {
     "bomb.npz": zip_bomb("conv1.weight.npy", b"\x93NUMPY\x01\x00"),
     "pickled.pth": pickled_checkpoint,
     "bomb.pth": zip_bomb("archive/data.pkl"),
-    "pipe.caffemodel": os.mkfifo,
+    "pipe.npz": os.mkfifo,
 }
 
 

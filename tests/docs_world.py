@@ -25,7 +25,7 @@ from tex_lightning.export.web_page import FILES, NAME, VERSION
 from tex_lightning.networks.trunks import TRUNKS
 
 KINDS = "ABCDEFGH"
-WEIGHTS = {"ALEXNET.caffemodel": "alexnet_caffe", "VGG_M.caffemodel": "vgg_m"}
+WEIGHTS = {"ALEXNET.npz": "alexnet_caffe", "VGG_M.npz": "vgg_m"}
 SOUND_RATE = 44_100
 SPEEDS = (30, 60, 80, 90)
 

@@ -1,4 +1,4 @@
-"""Files of published weights: those of Caffe by Google's protobuf, and those that are refused."""
+"""Files of published weights: those of Caffe, and those that are refused."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from conftest import visualnet as make
 from scipy.signal import correlate
 
 from tex_lightning.errors import UserError
-from tex_lightning.networks.weights import caffe_network, load_trunk_weights, read_caffemodel
+from tex_lightning.networks.weights import load_trunk_weights
 
 ALEXNET = {
     "conv1": (96, 3, 11, 11),
@@ -34,23 +34,6 @@ def fabricate(shapes):
     }
 
 
-def write_caffemodel(path, arrays, form="layers"):
-    net = caffe_network()()
-    for name, pair in arrays.items():
-        old = form != "layer"
-        layer = net.layers.add(name=name) if old else net.layer.add(name=name)
-        for array in pair:
-            blob = layer.blobs.add()
-            if old:
-                shape = (1,) * (4 - array.ndim) + array.shape
-                blob.num, blob.channels, blob.height, blob.width = shape
-            else:
-                blob.shape.dim.extend(array.shape)
-            (blob.double_data if form == "double" else blob.data).extend(array.ravel().tolist())
-    path.write_bytes(net.SerializeToString())
-    return path
-
-
 def named(arrays):
     pairs = {name: zip(("weight", "bias"), pair, strict=True) for name, pair in arrays.items()}
     return {f"{name}.{kind}": array for name, pair in pairs.items() for kind, array in pair}
@@ -63,8 +46,6 @@ def save(path, arrays):
             np.savez(path, **named(arrays))
         case ".pth":
             torch.save({key: torch.from_numpy(x) for key, x in named(arrays).items()}, path)
-        case ".caffemodel":
-            write_caffemodel(path, arrays)
     return path
 
 
@@ -84,31 +65,10 @@ def assert_conv1(net, planes, weight, bias, photo):
         assert np.abs(found[out] - expected).max() < 1e-4 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("form", ["layers", "layer", "double"])
-def test_every_form_of_caffes_format_is_read(tmp_path, form):
-    arrays = fabricate({"conv1": (6, 3, 2, 2), "fire2/squeeze": (4, 6, 1, 1)})
-    path = write_caffemodel(tmp_path / "a.caffemodel", arrays, form)
-    found, expected = read_caffemodel(path, arrays), named(arrays)
-    assert found.keys() == expected.keys()
-    for name, array in expected.items():
-        np.testing.assert_array_equal(found[name], array)
-    assert read_caffemodel(path, ["conv1"]).keys() == {"conv1.weight", "conv1.bias"}
-
-
-def test_the_fields_are_those_of_caffes_own_files(tmp_path):
-    """Tags of the wire format, (number << 3 | type): a layer 100 and its name 1 and blob 7."""
-    floats = np.float32([1, 2, 3]).tobytes()
-    blob = b"\x2a\x0c" + floats + b"\x3a\x03\x0a\x01\x03"
-    layer = b"\x0a\x05conv1" + b"\x12\x04Conv" + b"\x3a" + bytes([len(blob)]) + blob
-    (tmp_path / "a.caffemodel").write_bytes(b"\x0a\x03Net\xa2\x06" + bytes([len(layer)]) + layer)
-    found = read_caffemodel(tmp_path / "a.caffemodel", ["conv1"])
-    np.testing.assert_array_equal(found["conv1.weight"], [1, 2, 3])
-
-
 @pytest.mark.parametrize("trunk", ["alexnet_caffe", "tcnn"])
-def test_caffemodel_gives_caffes_conv1_and_the_other_layers_as_they_are(tmp_path, trunk):
+def test_a_converted_file_gives_caffes_conv1_and_the_other_layers_as_they_are(tmp_path, trunk):
     arrays = fabricate(ALEXNET)
-    path = write_caffemodel(tmp_path / "a.caffemodel", arrays)
+    path = save(tmp_path / "a.npz", arrays)
     net = visualnet(trunk, norm="lrn")
     convolutions = 3 if trunk == "tcnn" else 5
     message = load_trunk_weights(net.trunk, path)
@@ -155,12 +115,12 @@ def test_what_is_no_file_of_this_trunk_is_refused(tmp_path):
     refused(visualnet(), tmp_path / "none.npz", "there is no file", "none.npz")
     for name in ("weights.h5", "weights.pth"):
         (tmp_path / name).touch()
-        refused(visualnet(), tmp_path / name, name, "reads .npz, .caffemodel")
+        refused(visualnet(), tmp_path / name, name, "reads .npz")
     refused(visualnet(width=0.5), "imagenet", "width=1")
     refused(visualnet(norm="batch"), "imagenet", "norm=batch")
 
 
-@pytest.mark.parametrize("suffix", [".npz", ".pth", ".caffemodel"])
+@pytest.mark.parametrize("suffix", [".npz", ".pth"])
 def test_truncated_files_and_files_of_something_else(tmp_path, suffix):
     net = visualnet("efficientnet_lite0" if suffix == ".pth" else "alexnet_caffe")
     path = save(tmp_path / f"weights{suffix}", fabricate(CONV1))

@@ -11,7 +11,7 @@ from tex_lightning.config.check import check_config
 from tex_lightning.config.composition import compose_config, read_config
 from tex_lightning.errors import UserError
 
-SOURCES = "{alexnet_caffe:a.caffemodel,vgg_m:v.caffemodel,efficientnet_lite0:imagenet}"
+SOURCES = "{alexnet_caffe:a.npz,vgg_m:v.npz,efficientnet_lite0:imagenet}"
 
 
 def config(model: str, weights: str) -> Config:
@@ -21,8 +21,8 @@ def config(model: str, weights: str) -> Config:
 @pytest.mark.parametrize(
     ("model", "expected"),
     [
-        ("visual", "a.caffemodel"),
-        ("vgg_m_fv", "v.caffemodel"),
+        ("visual", "a.npz"),
+        ("vgg_m_fv", "v.npz"),
         ("fusion_efficientnet", "imagenet"),
         ("visual_tcnn", None),
         ("lbp", None),

@@ -1,18 +1,13 @@
-"""Reading ImageNet weights of VisualNet's trunks: files of Caffe and EfficientNet-Lite.
-
-A ``.caffemodel`` is read by protobuf without Caffe; what is no weight is passed over.
-"""
+"""Reading ImageNet weights of VisualNet's trunks: Caffe's networks and EfficientNet-Lite."""
 
 import hashlib
 import logging
-from collections.abc import Iterable, Mapping
-from functools import cache
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor
 
@@ -27,11 +22,9 @@ log = logging.getLogger(__name__)
 LARGEST = 1e6  # of a weight; published ones are below 100, and larger ones overflow in a product
 LAYOUTS: dict[str, Layout] = {
     ".npz": "caffe",
-    ".caffemodel": "caffe",
     ".pth": "efficientnet",
     ".pt": "efficientnet",
 }
-Array = npt.NDArray[np.floating]
 
 
 class PixelInput(NamedTuple):
@@ -56,10 +49,10 @@ def load_trunk_weights(trunk: Trunk, source: str | Path) -> str:
 
     Args:
         trunk: Trunk of width 1 without batch normalisation.
-        source: A .caffemodel file or a .npz file with Caffe's names, a .pth or .pt file of
-            EfficientNet-Lite, or "imagenet" for the trunk's official weights, which are in a
-            package. The file's input convention, such as BGR in 0-255 less the mean, is folded into
-            the first convolution, and normalisation into all.
+        source: A .npz file with Caffe's names, a .pth or .pt file of EfficientNet-Lite, or
+            "imagenet" for the trunk's official weights, which are in a package. The file's input
+            convention, such as BGR in 0-255 less the mean, is folded into the first convolution,
+            and normalisation into all.
 
     Returns:
         One line saying what was loaded.
@@ -80,7 +73,7 @@ def load_trunk_weights(trunk: Trunk, source: str | Path) -> str:
     if layout is None or layout not in trunk.layouts:
         usable = [suffix for suffix, known in LAYOUTS.items() if known in trunk.layouts]
         raise UserError(f"weights: {path} is not for {name}, which reads {', '.join(usable)}.")
-    state = _select(trunk, _read(path, trunk.layouts[layout]), layout, path)
+    state = _select(trunk, _read(path), layout, path)
     _fold_input(state, next(iter(trunk.layouts[layout].values())), PIXELS[layout])
     trunk.load_state_dict({**dict(trunk.named_buffers()), **state})
     if not trunk.textures:
@@ -110,9 +103,7 @@ def find_weights(trunk: Trunk, source: str) -> Path:
         return path
     name, package = name_trunk(type(trunk)), trunk.imagenet_package
     if package is None or trunk.imagenet_sha256 is None:
-        raise UserError(
-            f"weights=imagenet is not available for {name}; give a .caffemodel or .npz file."
-        )
+        raise UserError(f"weights=imagenet is not available for {name}; give a .npz file.")
     spec = find_spec(package)  # no code of it is run
     folders = [] if spec is None else list(spec.submodule_search_locations or [])
     files = [path for folder in folders for path in Path(folder, "models").glob("*.pth")]
@@ -131,20 +122,17 @@ def find_weights(trunk: Trunk, source: str) -> Path:
     return files[0]
 
 
-def _read(path: Path, names: Iterable[str]) -> Mapping[str, Tensor]:
-    """Return weights and biases by name, at least those of the layers named."""
+def _read(path: Path) -> Mapping[str, Tensor]:
+    """Return weights and biases by name."""
     try:
         check_archive(path)
         if LAYOUTS[path.suffix] == "efficientnet":
             with suppress_warnings():
                 content: Any = torch.load(path, map_location="cpu", weights_only=True)
             return fold_statistics(content)
-        if path.suffix == ".caffemodel":
-            arrays: Mapping[str, npt.NDArray[Any]] = read_caffemodel(path, names)
-        else:  # opened here because NumPy leaves a damaged file open
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-                arrays = {name: stored[name] for name in stored.files}
-        return {name: torch.from_numpy(np.array(each)) for name, each in arrays.items()}
+        # opened here because NumPy leaves a damaged file open
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            return {name: torch.from_numpy(stored[name]) for name in stored.files}
     except Exception as error:  # zip, zlib, pickle and NumPy each raise their own kinds
         raise UserError(
             f"weights: {path} cannot be read, it may be truncated or not a weight file; replace it."
@@ -204,74 +192,6 @@ def _scale_features(trunk: Trunk) -> None:
     for name in trunk.final:
         for parameter in trunk.get_submodule(name).parameters():
             parameter.div_(size)
-
-
-# Messages of caffe.proto, as far as weights take them: number and type of each field.
-MESSAGES: dict[str, dict[str, tuple[int, str]]] = {
-    "BlobShape": {"dim": (1, "int64")},
-    "BlobProto": {
-        "num": (1, "int32"), "channels": (2, "int32"), "height": (3, "int32"),
-        "width": (4, "int32"), "data": (5, "float"), "shape": (7, "BlobShape"),
-        "double_data": (8, "double"),
-    },
-    "V1LayerParameter": {"name": (4, "string"), "blobs": (6, "BlobProto")},
-    "LayerParameter": {"name": (1, "string"), "blobs": (7, "BlobProto")},
-    "NetParameter": {"layers": (2, "V1LayerParameter"), "layer": (100, "LayerParameter")},
-}  # fmt: skip
-REPEATED = ("dim", "data", "double_data", "blobs", "layers", "layer")
-
-
-@cache
-def caffe_network() -> type[Any]:
-    """Return the class of Caffe's ``NetParameter``; a file of 2014 has ``layers``."""
-    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
-
-    file = descriptor_pb2.FileDescriptorProto(name="caffe.proto", package="caffe")
-    types = descriptor_pb2.FieldDescriptorProto.Type
-    for name, fields in MESSAGES.items():
-        message = file.message_type.add(name=name)
-        for field, (number, kind) in fields.items():
-            own = kind in MESSAGES
-            message.field.add(
-                name=field,
-                number=number,
-                label=3 if field in REPEATED else 1,
-                type=types.Value(f"TYPE_{'MESSAGE' if own else kind.upper()}"),
-                type_name=f".caffe.{kind}" if own else None,
-            )
-    pool = descriptor_pool.DescriptorPool()
-    pool.Add(file)
-    network = pool.FindMessageTypeByName("caffe.NetParameter")
-    message_class: type[Any] = message_factory.GetMessageClass(network)
-    return message_class
-
-
-def read_caffemodel(path: Path, names: Iterable[str]) -> dict[str, Array]:
-    """Read the first two blobs of some layers as ``{layer}.weight`` and ``{layer}.bias``.
-
-    Raises:
-        google.protobuf.message.DecodeError: If the file is cut off or no such file.
-        ValueError: If it has no layers.
-    """
-    network, wanted = caffe_network()(), {*names}
-    network.ParseFromString(path.read_bytes())
-    if not network.layers and not network.layer:
-        raise ValueError("no layers")
-    return {
-        f"{layer.name}.{kind}": _blob(blob)
-        for layer in (*network.layers, *network.layer)
-        if layer.name in wanted
-        for kind, blob in zip(("weight", "bias"), layer.blobs, strict=False)
-    }
-
-
-def _blob(blob: Any) -> Array:  # noqa: ANN401  (made at run time)
-    """Return an array; a bias that the old form calls 1 x 1 x 1 x n has n elements."""
-    shape = [blob.num, blob.channels, blob.height, blob.width]
-    if shape[:3] == [1, 1, 1]:
-        shape = shape[3:]
-    values = np.array(blob.data or blob.double_data, dtype=np.float32)
-    return values.reshape(shape if any(shape) else list(blob.shape.dim))
 
 
 EPSILON = 1e-3  # of the variance, as in TensorFlow's network
