@@ -104,7 +104,14 @@ def test_synthetic_is_rendered_once_and_survives_in_the_cache(cache, monkeypatch
     assert small(cache) == first
 
 
-def test_sounds_are_rendered_for_models_that_listen_and_beside_the_rest(tmp_path):
+def test_sounds_are_rendered_for_models_that_listen_and_beside_the_rest(tmp_path, monkeypatch):
+    def write(classes, surfaces, root, modalities):
+        for label in "ab"[:classes]:
+            for modality in modalities:
+                suffix = "jpg" if modality == "image" else "wav"
+                touch(root, *(f"{label}/{modality}/{n}.{suffix}" for n in range(2)))
+
+    monkeypatch.setattr("tex_lightning.data.readers.synthetic.write_folder", write)
     silent = small(tmp_path, "model=fusion")
     assert {row.modality for row in silent} == {"haptic", "image"}
     every = small(tmp_path, "model.senses=[haptic,visual,sound]")
