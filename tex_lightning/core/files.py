@@ -7,7 +7,6 @@ import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from glob import glob
 from pathlib import Path
 from secrets import token_hex
 from typing import Any
@@ -37,11 +36,6 @@ def require_file(path: Path) -> None:
 def is_file(path: Path) -> bool:
     """Whether there is a file; there is none of a name that is too long, or out of reach."""
     return os.path.isfile(path)  # noqa: PTH113  (which raises no errors)
-
-
-def is_folder(path: Path) -> bool:
-    """Whether there is a folder; see :func:`is_file`."""
-    return os.path.isdir(path)  # noqa: PTH112
 
 
 def resolved(path: Path) -> Path:
@@ -83,11 +77,6 @@ def read_record(path: Path) -> dict[str, Any]:
             f"Record {path} is damaged ({reason(error)}); delete it and run its command again."
         ) from error
     return content
-
-
-def matches(pattern: str) -> list[Path]:
-    """Paths that match a pattern such as ``DIR/*.wav``; ``**`` stands for any folders."""
-    return [Path(name) for name in glob(pattern, recursive=True)]  # noqa: PTH207  (may be absolute)
 
 
 def write_rows(target: Path, columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:

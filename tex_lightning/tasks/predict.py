@@ -1,7 +1,8 @@
 """Classify files with a trained network; one JSON object per sample on standard output."""
 
+import os
 from collections.abc import Mapping
-from glob import has_magic
+from glob import glob, has_magic
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import print_line
-from tex_lightning.core.files import is_file, is_folder, matches
+from tex_lightning.core.files import is_file
 from tex_lightning.data.readers.folder import suffixes_of
 from tex_lightning.data.recordings import natural_key, plural
 from tex_lightning.data.traces import stands_for_all
@@ -78,10 +79,10 @@ def find_files(modality: str, value: object) -> list[Path]:
 
 def _found(modality: str, value: str) -> list[Path]:
     path = Path(value).expanduser()
-    if is_folder(path):
+    if os.path.isdir(path):  # noqa: PTH112  (raises no error for a name that is too long)
         candidates = list(path.iterdir())
     elif has_magic(value) and not is_file(path):
-        candidates = matches(str(path))
+        candidates = [Path(name) for name in glob(str(path), recursive=True)]  # noqa: PTH207
     else:
         return [path]
     files = [path for path in candidates if _readable(path, modality)]
