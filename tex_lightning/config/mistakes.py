@@ -17,7 +17,6 @@ from tex_lightning.errors import UserError, shorten
 MISTAKES = (HydraException, OmegaConfBaseException, YAMLError)  # the last of a user's own files
 KEY = re.compile(r"Could not (?:override|append to config|delete).*?'([^'=]+)")
 MANY = 4  # keys that a wrong one may stand for
-NOISE = ("full_key:", "object_type=", "reference_type=", "See https:", "Set the environment", "To ")
 
 
 def explain(error: Exception) -> UserError:
@@ -83,10 +82,6 @@ def _names(values: dict[Any, Any], prefix: str = "") -> Iterator[str]:
 
 
 def _one_line(error: Exception) -> str:
-    """Return the messages of an error and its cause as one line that ends in a full stop."""
-    parts = [str(error)]
-    if error.__cause__ is not None and str(error.__cause__) not in parts[0]:
-        parts.append(str(error.__cause__))
-    lines = [line.strip() for part in parts for line in part.splitlines()]
-    kept = [line.rstrip(".") for line in lines if line and not line.startswith(NOISE)]
-    return "; ".join(dict.fromkeys(map(shorten, kept))) + "."
+    """Return the first lines of an error and its cause as one that ends in a full stop."""
+    texts = [str(part).partition("\n")[0].rstrip(".") for part in (error, error.__cause__) if part]
+    return "; ".join(dict.fromkeys(map(shorten, texts))) + "."

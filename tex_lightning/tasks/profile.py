@@ -6,7 +6,6 @@ from dataclasses import asdict
 from typing import Any
 
 import torch
-from rich.table import Table
 from torch import Tensor
 
 from tex_lightning.classifier.card import configured_card
@@ -19,24 +18,6 @@ from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import RANDOM, environment, write_results
 from tex_lightning.report.table import make_table, print_tables
 from tex_lightning.studies.profile import only_sense, profile_network, render_recording
-
-WAYS = {
-    "sliding_window": "CNN, windows one by one",
-    "same_engine_window": "same, windows through the FCN's engine",
-    "reference": "FCN as trained",
-    "fcn": "FCN accelerated",
-}
-FACTS = {  # format of each figure by its key
-    "speedup": ("speedup over windows, as trained", "{:.1f}x"),
-    "speedup_same_engine": ("speedup over windows, same engine", "{:.1f}x"),
-    "arithmetic_ratio": ("ratio of their arithmetic", "{:.1f}x"),
-    "engine_speedup": ("accelerated over as trained", "{:.1f}x"),
-    "windows": ("windows", "{}"),
-    "label_agreement": ("labels as on the window alone", "{:.2%}"),
-    "macs": ("multiply-accumulates", "{:,}"),
-    "gemm_gflops": ("matrix products, GFLOP/s", "{:.0f}"),
-    "roofline_fraction": ("share of that rate", "{:.0%}"),
-}
 
 log = logging.getLogger(__name__)
 
@@ -54,7 +35,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         classifier.eval().to(device)
         recording = _recording(config, classifier)
         networks[name] = profile_network(classifier, recording, config.engine, config.profile)
-    results = {
+    results: dict[str, Any] = {
         "task": config.task,
         "model": config.model.name,
         "weights": RANDOM if config.checkpoint is None else config.checkpoint,
@@ -65,8 +46,11 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "networks": networks,
     }
     write_results(job.directory / "results.json", results)
-    tables = [_table(name, network, results) for name, network in networks.items()]
-    print_tables(job.directory, *tables)
+    table = make_table(f"profile · {results['model']} · {results['weights']}", [""], [*networks])
+    table.caption = f"threads: {results['environment']['threads']}"
+    for key in next(iter(networks.values())):
+        table.add_row(key, *(f"{network[key]:,.4g}" for network in networks.values()))
+    print_tables(job.directory, table)
     return results
 
 
@@ -100,14 +84,3 @@ def _recording(config: Config, classifier: SurfaceClassifier) -> Tensor:
     if config.checkpoint is None and hasattr(features, "fit"):
         features.fit([features.magnitudes(recording.to(sense.device))])
     return recording
-
-
-def _table(name: str, network: dict[str, Any], results: dict[str, Any]) -> Table:
-    """Return the times of one network's ways of classifying, and what follows from them."""
-    table = make_table(f"profile · {results['model']} · {results['weights']}", [""], [name])
-    table.caption = f"ms: median (p95), threads: {results['environment']['threads']}"
-    for key, way in WAYS.items():
-        table.add_row(way, f"{network[f'{key}_ms']:,.1f} ({network[f'{key}_p95_ms']:,.1f})")
-    for key, (fact, form) in FACTS.items():
-        table.add_row(fact, form.format(network[key]))
-    return table
