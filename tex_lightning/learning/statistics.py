@@ -124,7 +124,6 @@ def complete_card(
     classifier: SurfaceClassifier,
     parts: Split,
     store: Store,
-    device: torch.device,
 ) -> None:
     """Complete the card of a trained network by what is set on the validation fold.
 
@@ -134,12 +133,10 @@ def complete_card(
     recordings too well: of new ones a third would lie above their 95 % (docs/calibration.md).
 
     Args:
-        classifier: Trained, on the CPU, where it is left.
+        classifier: Trained, on the device that computes.
         parts: Recordings by part.
         store: Decoded files.
-        device: Where it runs.
     """
-    classifier.to(device)
     samples = make_samples(parts.val, classifier.card.modalities)
     left_out: dict[str, list[float]] = classifier.card.training["left_out"]
     fitted = any(left_out.values()) and fits_probabilities(classifier)
@@ -149,7 +146,7 @@ def complete_card(
         if rows:
             columns = zip(card.sense_names, map(list, zip(*rows, strict=True)), strict=True)
             card = replace(card, calibration={**card.calibration, NOVELTIES: dict(columns)})
-    classifier.cpu().card = card
+    classifier.card = card
 
 
 @torch.inference_mode()

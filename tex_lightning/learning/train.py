@@ -20,7 +20,7 @@ from lightning.pytorch.trainer.states import TrainerStatus
 
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.config import Config, EngineConfig, ModelConfig
+from tex_lightning.config import Config, ModelConfig
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import write_bytes
 from tex_lightning.core.progress import hidden
@@ -101,11 +101,7 @@ def train_network(
         loss = _take_best(module, keeper)
         if trainer.is_global_zero:
             seconds = preparation + timer.time_elapsed("train")
-            left_out, more = _keep_statistics(module, parts, store, unimodal, device, config.engine)
-            training = {"fit_seconds": seconds + more, "val_loss": loss, "left_out": left_out}
-            module.classifier.card = replace(card, training=training)
-            complete_card(module.classifier, parts, store, device)
-            module.hparams["card"] = module.classifier.card.to_dict()
+            _complete(config, module, parts, store, unimodal, seconds, loss, device)
         trainer.save_checkpoint(final, weights_only=True)
         if trainer.is_global_zero:  # what a resumption would need goes
             shutil.rmtree(working, ignore_errors=True)
@@ -205,31 +201,30 @@ def _is_finite(module: SurfaceModule) -> bool:
     return all(bool(value.isfinite().all()) for value in module.state_dict().values())
 
 
-def _keep_statistics(
+def _complete(
+    config: Config,
     module: SurfaceModule,
     parts: Split,
     store: Store,
     unimodal: Mapping[str, SurfaceClassifier],
+    seconds: float,
+    loss: float | None,
     device: torch.device,
-    engine: EngineConfig,
-) -> tuple[dict[str, list[float]], float]:
-    """Add statistics of the features.
-
-    Returns:
-        ``left_out`` of the card's training, and the seconds that it took.
-    """
-    begin, classifier = time.perf_counter(), module.classifier
-    classifier.to(device)
+) -> None:
+    """Add statistics of the features, and to the card what is known once the weights are."""
+    begin, classifier = time.perf_counter(), module.classifier.to(device)
     frozen = not module.fit_config["epochs"]
-    left_out = keep_statistics(classifier, parts.train, store, engine, frozen=frozen)
+    left_out = keep_statistics(classifier, parts.train, store, config.engine, frozen=frozen)
     fixed = all(start.card.training["left_out"] for start in unimodal.values())
-    if module.fit_config["epochs"] or not fixed:  # layers before the scores know the recordings
+    if not (frozen and fixed):  # layers before the scores know the recordings
         left_out = {}
-    classifier.cpu()
-    seconds = time.perf_counter() - begin
+    seconds += time.perf_counter() - begin
     for part in classifier.trained_modules():
         part.to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]  # no stub
-    return left_out, seconds
+    training = {"fit_seconds": seconds, "val_loss": loss, "left_out": left_out}
+    classifier.card = replace(classifier.card, training=training)
+    complete_card(classifier, parts, store)
+    module.hparams["card"] = classifier.cpu().card.to_dict()
 
 
 def train_once(

@@ -17,8 +17,6 @@ from tex_lightning.data.traces import stands_for_all
 from tex_lightning.errors import UserError
 from tex_lightning.inference.predictor import Predictor
 
-MAX_FAILURES = 20  # that are printed
-
 
 def run(config: Config, job: Job) -> None:
     """Load the checkpoint once and print a line for each sample.
@@ -40,20 +38,15 @@ def run(config: Config, job: Job) -> None:
         try:
             prediction = predictor.predict(**recordings)
         except UserError as error:
+            if len(samples) == 1:
+                raise
             failures.append(str(error))
             continue
         names = {name: str(file) for name, file in files.items()}
         print_line({**names, **prediction.to_dict()})
     if failures:
-        raise UserError(*_failed(failures, len(samples)))
-
-
-def _failed(failures: list[str], samples: int) -> list[str]:
-    if samples == 1:
-        return failures
-    more = [f"… and {len(failures) - MAX_FAILURES} more"] if len(failures) > MAX_FAILURES else []
-    title = f"{len(failures)} of {samples} samples could not be classified:"
-    return [title, *failures[:MAX_FAILURES], *more]
+        count = f"{len(failures)} of {len(samples)} samples could not be classified:"
+        raise UserError(count, *failures)
 
 
 def find_files(modality: str, value: object) -> list[Path]:
