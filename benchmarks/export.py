@@ -28,7 +28,6 @@ from tex_lightning.data.store import Store, cache_root, load_sample
 from tex_lightning.errors import UserError
 from tex_lightning.export.check import Sample, compare, decoded, noise_sample
 from tex_lightning.export.onnx_file import make_onnx, onnx_runner
-from tex_lightning.export.tracing import trace
 
 log = logging.getLogger(__name__)
 
@@ -81,7 +80,7 @@ def _measure(overrides: Sequence[str]) -> dict[str, Any]:
     )
     samples = _samples(config, classifier)
     _learn(classifier, samples[:CLASSES])
-    model = make_onnx(classifier, trace(classifier))
+    model = make_onnx(classifier)
     found = compare(onnx_runner(model), classifier, samples)
     return {"megabytes": round(model.ByteSize() / 1e6, 2), **found}
 

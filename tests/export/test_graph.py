@@ -31,9 +31,9 @@ def test_scores_of_several_senses_are_those_of_the_classifier():
 def test_label_shares_and_probabilities_are_the_same(rule, scores, temperature):
     logits = torch.tensor(scores).float().T
     expected, found = RULES[rule](logits, temperature), traced_vote(logits, rule, temperature)
-    assert int(found.label) == expected.label
-    torch.testing.assert_close(found.shares, expected.shares)
-    torch.testing.assert_close(found.probabilities, expected.probabilities.float())
+    assert int(found["label"]) == expected.label
+    torch.testing.assert_close(found["shares"], expected.shares)
+    torch.testing.assert_close(found["probabilities"], expected.probabilities.float())
 
 
 @pytest.mark.parametrize("size", [(40, 60), (41, 61), (2, 3)])

@@ -11,7 +11,6 @@ import tex_lightning as tl
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.export.onnx_file import make_onnx, write_onnx
-from tex_lightning.export.tracing import trace
 from tex_lightning_runtime import Runtime
 
 RANGES = {
@@ -54,7 +53,7 @@ def write_exported(folder):
     classifier = SurfaceClassifier(card).eval()
     add_statistics(classifier)
     save_classifier(classifier, folder / "fusion.ckpt")
-    write_onnx(make_onnx(classifier, trace(classifier)), folder / "fusion.onnx")
+    write_onnx(make_onnx(classifier), folder / "fusion.onnx")
 
 
 @pytest.fixture(scope="session")

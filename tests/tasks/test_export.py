@@ -12,6 +12,7 @@ from conftest import make_card, make_trace, save_checkpoint
 
 import tex_lightning as tl
 from tex_lightning.evaluation.outcomes import wilson_interval
+from tex_lightning.export import onnx_file
 from tex_lightning.export.graph import ClassifierGraph
 from tex_lightning.tasks import export
 
@@ -93,8 +94,7 @@ def test_what_no_export_wrote_is_not_overwritten(cli, untrained, tmp_path):
 
 def test_a_file_that_says_something_else_is_not_written(cli, untrained, tmp_path, monkeypatch):
     wrong = {"scores": np.zeros((3, 50)), "label": -1, "probabilities": np.zeros(3)}
-    monkeypatch.setattr(export, "trace", lambda classifier: None)
-    monkeypatch.setattr(export, "make_onnx", lambda classifier, traced: None)
+    monkeypatch.setattr(export, "make_onnx", lambda classifier: None)
     monkeypatch.setattr(export, "onnx_runner", lambda model: lambda inputs: wrong)
     outcome = cli("task=export", f"checkpoint={untrained}", f"export.out={tmp_path}/out")
     assert outcome.status == 2
@@ -107,8 +107,9 @@ def test_a_file_that_says_something_else_is_not_written(cli, untrained, tmp_path
     [({"resize": 256}, "brought to 256 pixels"), ({}, "needs onnx, which is not installed")],
 )
 def test_what_cannot_be_exported(cli, tmp_path, monkeypatch, changes, sentence):
-    monkeypatch.setitem(sys.modules, "onnx", None)
-    monkeypatch.setattr(export, "trace", ClassifierGraph)  # as far as it takes to refuse
+    if not changes:
+        monkeypatch.setitem(sys.modules, "onnx", None)
+    monkeypatch.setattr(onnx_file, "trace", ClassifierGraph)  # as far as it takes to refuse
     checkpoint = save_checkpoint(
         make_card("visual", width=0.1, **changes), tmp_path / "visual.ckpt"
     )

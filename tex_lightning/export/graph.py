@@ -7,7 +7,7 @@ The senses of a FusionNet are joined in one graph; the decision is that of
 from collections.abc import Sequence
 from copy import deepcopy
 from inspect import Parameter, Signature
-from typing import Any, NamedTuple
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -39,16 +39,13 @@ def _drawn(partial: Tensor, words: Tensor) -> Tensor:
     return partial.index_select(1, torch.remainder(words, positions))
 
 
-class TracedVote(NamedTuple):
-    """See :class:`~tex_lightning.classifier.vote.Vote`; ``label`` is int64 ()."""
+def traced_vote(scores: Tensor, rule: str, temperature: float) -> dict[str, Tensor]:
+    """Decide by class scores (classes, fragments).
 
-    label: Tensor
-    shares: Tensor
-    probabilities: Tensor
-
-
-def traced_vote(scores: Tensor, rule: str, temperature: float) -> TracedVote:
-    """Decide by class scores (classes, fragments)."""
+    Returns:
+        ``label``, int64 (), and ``shares`` and ``probabilities`` as in
+        :class:`~tex_lightning.classifier.vote.Vote`, float32 (classes,).
+    """
     classes, wide = torch.arange(scores.shape[0]), scores.double()
     votes = (scores.argmax(dim=0)[None] == classes[:, None]).sum(dim=1)
     fragments = votes.sum()
@@ -58,7 +55,11 @@ def traced_vote(scores: Tensor, rule: str, temperature: float) -> TracedVote:
     chosen = probabilities
     if rule == "vote":  # among those with most votes the most probable, then the first
         chosen = torch.where(votes == votes.max(), probabilities, -1.0)
-    return TracedVote(chosen.argmax(), votes.float() / fragments.float(), probabilities.float())
+    return {
+        "label": chosen.argmax(),
+        "shares": votes.float() / fragments.float(),
+        "probabilities": probabilities.float(),
+    }
 
 
 class PhotoGraph(nn.Module):
@@ -151,17 +152,15 @@ class ClassifierGraph(nn.Module):
             outputs["novelty"] = torch.stack(novelties).sum()
             if self.card.unknown_above is not None:
                 outputs["unknown"] = outputs["novelty"].double() > self.card.unknown_above
-        return {"scores": scores, **vote._asdict(), **outputs}
+        return {"scores": scores, **vote, **outputs}
 
     def _embedding(self, name: str, recording: Tensor, outputs: dict[str, Tensor]) -> Tensor:
         """Return the embedding (1, D, *positions) of a sense; add what its features put out."""
         front = self.fronts[name]
-        if isinstance(front, PhotoGraph):
-            x = front(recording)
-        else:
-            x, start = front(recording)
-            if isinstance(front, SpectrogramGraph):
-                outputs |= {f"{name}_input": x[0, 0], f"{name}_start": start}
+        x = front(recording)
+        if isinstance(front, SpectrogramGraph):
+            x, start = x
+            outputs |= {f"{name}_input": x[0, 0], f"{name}_start": start}
         network: Any = self.networks[name]
         embedding: Tensor = network.features(x, self.levels[name])
         return embedding

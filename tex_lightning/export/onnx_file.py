@@ -11,25 +11,26 @@ from tex_lightning.errors import UserError
 from tex_lightning.export.check import Runner
 from tex_lightning.export.graph import DRAWS
 from tex_lightning.export.metadata import KEY, metadata
-from tex_lightning.export.tracing import Traced, quiet, untraceable
+from tex_lightning.export.tracing import quiet, trace, untraceable
 
 EXTRA = 'install it with pip install "tex_lightning[export]"'
 
 
-def make_onnx(classifier: SurfaceClassifier, traced: Traced) -> Any:  # noqa: ANN401
-    """Return the model as ``onnx.ModelProto``.
+def make_onnx(classifier: SurfaceClassifier) -> Any:  # noqa: ANN401
+    """Return a classifier as ``onnx.ModelProto``.
 
     Raises:
-        UserError: If an operation has no form in ONNX, or a package is missing.
+        UserError: If PyTorch or ONNX has no form of what it consists of, or a package is missing.
     """
     onnx = require("onnx")
     require("onnxscript")
+    traced, inputs, outputs = trace(classifier)
     try:
         with quiet():
             program = torch.onnx.export(
-                traced.program,
-                input_names=list(traced.inputs),
-                output_names=traced.outputs,
+                traced,
+                input_names=list(inputs),
+                output_names=outputs,
                 dynamo=True,
                 external_data=False,
                 verbose=False,
@@ -39,8 +40,8 @@ def make_onnx(classifier: SurfaceClassifier, traced: Traced) -> Any:  # noqa: AN
     except Exception as error:  # of the exporter, in many ways
         raise untraceable(classifier, error) from error
     model.metadata_props.add(key=KEY, value=json.dumps(metadata(classifier)))
-    if DRAWS in traced.inputs:  # a value that whoever runs it may replace
-        default = onnx.numpy_helper.from_array(traced.inputs[DRAWS].numpy(), DRAWS)
+    if DRAWS in inputs:  # a value that whoever runs it may replace
+        default = onnx.numpy_helper.from_array(inputs[DRAWS].numpy(), DRAWS)
         model.graph.initializer.append(default)
     onnx.checker.check_model(model)
     return model

@@ -79,10 +79,6 @@ def movement(trace: Tensor, start: Tensor, least: int) -> Tensor:
     return trace[:, begin:]
 
 
-# network input (1, ..., frames), and the first sample of steady movement, int64 (), if looked for
-Heard = tuple[Tensor, Tensor | None]
-
-
 class BandPower(nn.Module):
     """Weighted power of the Fourier channels of every frame, all axes together.
 
@@ -174,8 +170,8 @@ class SpectrogramGraph(nn.Module):
         filters = torch.eye(features.bands, channels) if linear else features.filters.T
         self.power = BandPower(features.window, features.hop_length, filters, centred=True)
 
-    def forward(self, trace: Tensor) -> Heard:
-        """Trace (axes, samples) to network input (1, 1, bands, frames)."""
+    def forward(self, trace: Tensor) -> tuple[Tensor, Tensor]:
+        """Map a trace (axes, samples) to network input (1, 1, bands, frames) and its start, ()."""
         features, start = self.features, torch.zeros((), dtype=torch.int64)
         if features.skip_impact:
             start = traced_start(trace, features.sampling_rate)
@@ -202,9 +198,9 @@ class ProportionsGraph(nn.Module):
             hop = hop_length(features.lengths[index])
             self.powers.append(BandPower(window, hop, filters, centred=True))
 
-    def forward(self, trace: Tensor) -> Heard:
-        """Trace (axes, samples) to proportions (1, 1, bands, fragments)."""
-        features, start, samples = self.features, None, trace.shape[-1]
+    def forward(self, trace: Tensor) -> Tensor:
+        """Map a trace (axes, samples) to proportions (1, 1, bands, fragments)."""
+        features, samples = self.features, trace.shape[-1]
         if features.skip_impact:
             start = traced_start(trace, features.sampling_rate)
             trace = movement(trace, start, features.min_samples)
@@ -215,7 +211,7 @@ class ProportionsGraph(nn.Module):
             responses.append(compared(bands, features.gaps[index]))
         frames = responses[features.used.index(features.longest)].shape[0]
         fragments = self._fragments(samples, frames)
-        return features.join(responses, trace, fragments), start
+        return features.join(responses, trace, fragments)
 
     def _fragments(self, samples: int, fewest: int) -> Any:  # noqa: ANN401
         """How many fragments the whole signal is cut into."""
@@ -228,24 +224,10 @@ class ProportionsGraph(nn.Module):
         return fragments
 
 
-class OwnSignalGraph(nn.Module):
-    """A user's features as they are.
-
-    Args:
-        features: Map (axes, samples) to the network's input.
-    """
-
-    def __init__(self, features: nn.Module) -> None:
-        super().__init__()
-        self.features = features
-
-    def forward(self, trace: Tensor) -> Heard:
-        """Trace (axes, samples) to network input (1, ..., frames)."""
-        return self.features(trace), None
-
-
 def signal_graph(features: nn.Module) -> nn.Module:
-    """Return the module that maps a decoded signal to :data:`Heard`.
+    """Return the module that maps a decoded signal to the network's input.
+
+    That of a spectrogram also gives the first sample of steady movement.
 
     Raises:
         UserError: If the features join the axes of the whole recording.
@@ -259,4 +241,4 @@ def signal_graph(features: nn.Module) -> nn.Module:
         return SpectrogramGraph(features)
     if isinstance(features, BandProportions):
         return ProportionsGraph(features)
-    return OwnSignalGraph(features)
+    return features

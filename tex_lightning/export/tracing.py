@@ -4,7 +4,6 @@ import logging
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -24,26 +23,17 @@ SECONDS = 4  # likewise of a signal
 AXES = (1, 3)  # how many a file takes of a signal
 
 
-@dataclass(frozen=True)
-class Traced:
-    """A classifier that was traced.
-
-    Attributes:
-        program: Takes its inputs by name and gives a dictionary of named tensors.
-        inputs: With which it was traced, by name; ``draws`` are those of the card's seed.
-        outputs: Names, in order.
-    """
-
-    program: ExportedProgram
-    inputs: dict[str, Tensor]
-    outputs: list[str]
-
-
-def trace(classifier: SurfaceClassifier) -> Traced:
+def trace(
+    classifier: SurfaceClassifier,
+) -> tuple[ExportedProgram, dict[str, Tensor], list[str]]:
     """Trace a classifier, all sizes open.
 
     Args:
         classifier: On the CPU, in evaluation mode.
+
+    Returns:
+        A program that takes its inputs by name and gives a dictionary of named tensors; the inputs
+        with which it was traced (``draws`` are those of the card's seed); the names of the outputs.
 
     Raises:
         UserError: If PyTorch cannot trace what it is made of.
@@ -67,7 +57,7 @@ def trace(classifier: SurfaceClassifier) -> Traced:
         raise
     except Exception as error:  # whatever PyTorch cannot trace, it says in as many ways
         raise untraceable(classifier, error) from error
-    return Traced(program, inputs, outputs)
+    return program, inputs, outputs
 
 
 def untraceable(classifier: SurfaceClassifier, error: Exception) -> UserError:

@@ -5,7 +5,7 @@ import logging
 from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
@@ -27,17 +27,10 @@ LAYOUTS: dict[str, Layout] = {
 }
 
 
-class PixelInput(NamedTuple):
-    """What a network was trained on: values in 0-255 less a mean colour, divided by a number."""
-
-    mean: tuple[float, float, float]
-    bgr: bool
-    divisor: float
-
-
-PIXELS: dict[Layout, PixelInput] = {
-    "caffe": PixelInput((123.0, 117.0, 104.0), bgr=True, divisor=1.0),  # the mean in R, G, B
-    "efficientnet": PixelInput((127.0, 127.0, 127.0), bgr=False, divisor=128.0),
+# Networks read values in 0-255 less a mean colour (R, G, B), divided by a number.
+PIXELS: dict[Layout, tuple[tuple[float, float, float], float]] = {
+    "caffe": ((123.0, 117.0, 104.0), 1.0),
+    "efficientnet": ((127.0, 127.0, 127.0), 128.0),
 }
 
 
@@ -74,7 +67,7 @@ def load_trunk_weights(trunk: Trunk, source: str | Path) -> str:
         usable = [suffix for suffix, known in LAYOUTS.items() if known in trunk.layouts]
         raise UserError(f"weights: {path} is not for {name}, which reads {', '.join(usable)}.")
     state = _select(trunk, _read(path), layout, path)
-    _fold_input(state, next(iter(trunk.layouts[layout].values())), PIXELS[layout])
+    _fold_input(state, next(iter(trunk.layouts[layout].values())), layout)
     trunk.load_state_dict({**dict(trunk.named_buffers()), **state})
     if not trunk.textures:
         _scale_features(trunk)
@@ -163,18 +156,19 @@ def _select(
     return state
 
 
-def _fold_input(state: dict[str, Tensor], first: str, expected: PixelInput) -> None:
+def _fold_input(state: dict[str, Tensor], first: str, layout: Layout) -> None:
     """Change the first convolution from a file's input to the normalised RGB of VisualNet.
 
     The file's input in channel c is (255 (SD_c x_c + mean_c) - m_c) / d. Factor and constant move
     into the weights and the bias. This is exact where the convolution has no padding, as in Caffe's
     networks; the padding of EfficientNet-Lite's stem becomes ImageNet's mean colour instead of m.
     """
-    weight = state[f"{first}.weight"].double() / expected.divisor
-    if expected.bgr:
-        weight = weight.flip(1)  # to RGB
+    mean_colour, divisor = PIXELS[layout]
+    weight = state[f"{first}.weight"].double() / divisor
+    if layout == "caffe":
+        weight = weight.flip(1)  # from BGR
     mean, sd, theirs = (
-        torch.tensor(values, dtype=torch.float64) for values in (MEAN, STD, expected.mean)
+        torch.tensor(values, dtype=torch.float64) for values in (MEAN, STD, mean_colour)
     )
     shift = (weight.sum(dim=(2, 3)) * (255 * mean - theirs)).sum(dim=1)
     state[f"{first}.weight"] = (weight * (255 * sd)[:, None, None]).float()

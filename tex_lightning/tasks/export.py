@@ -17,7 +17,6 @@ from tex_lightning.errors import UserError
 from tex_lightning.export.check import compare, noise_sample, require_agreement
 from tex_lightning.export.metadata import metadata, model_card
 from tex_lightning.export.onnx_file import make_onnx, onnx_runner, without_defaults, write_onnx
-from tex_lightning.export.tracing import trace
 from tex_lightning.export.web_page import page_files, runtime_files
 from tex_lightning.inference.prediction import check_unknown
 
@@ -75,7 +74,7 @@ def _write_onnx(
     config: Config, classifier: SurfaceClassifier, file: Path, page: dict[str, bytes]
 ) -> dict[str, Any]:
     """Write what onnxruntime runs, compared with its classifier before; and the page around it."""
-    model = make_onnx(classifier, trace(classifier))
+    model = make_onnx(classifier)
     samples = [noise_sample(classifier, seed) for seed in range(config.export.check)]
     agreement = compare(onnx_runner(model), classifier, samples)
     require_agreement(agreement, classifier)
