@@ -25,7 +25,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.learning.loggers import open_loggers
 from tex_lightning.learning.module import SurfaceModule
 from tex_lightning.learning.start import fit_closed_form, start_trunk
-from tex_lightning.learning.train import make_module
+from tex_lightning.learning.train import checkpoint_of, make_module
 from tex_lightning.learning.trainer import build_callbacks, make_trainer, quiet_lightning
 from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.senses.base import Sense, as_tensor
@@ -58,11 +58,9 @@ def try_training(config: Config, card: Card, directory: Path) -> list[Sense]:
             classifier.baseline.load_weights(source)
         return [*classifier.senses.values()]
     callbacks, fit = build_callbacks(config.callbacks, config.trainer.flags), model.fit_values
+    working = checkpoint_of(directory, card.kind).with_suffix("")
     with quiet_lightning():
-        make_trainer(
-            config.trainer, callbacks, loggers, fit(card.kind), directory / "checkpoints" / "none",
-            validated=True,
-        )  # fmt: skip
+        make_trainer(config.trainer, callbacks, loggers, fit(card.kind), working, validated=True)
     senses = [_try_sense(model, card.of([name]), sources.get(name)) for name in card.sense_names]
     if card.kind == FUSION:
         make_module(model, card, config.seed).configure_optimizers()

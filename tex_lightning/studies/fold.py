@@ -48,7 +48,7 @@ log = logging.getLogger(__name__)
 
 def fit_baseline(
     config: Config, card: Card, parts: Split, store: Store, directory: Path
-) -> BaselineClassifier | SurfaceClassifier:
+) -> SurfaceClassifier:
     """Fit, calibrate and write the checkpoint, unless it is there already.
 
     Args:
