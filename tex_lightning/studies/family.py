@@ -1,7 +1,6 @@
 """Compose the systems of a family, and train and test them on the same folds."""
 
-import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
@@ -22,8 +21,6 @@ from tex_lightning.studies.fold import finished_fold, open_training, run_fold
 
 NETWORKS = "networks"
 OWN_SECTIONS = ("task", "frontier", "crossval")  # keys that say nothing of a single system
-
-log = logging.getLogger(__name__)
 
 
 @dataclass
@@ -132,28 +129,44 @@ def measure_family(systems: Sequence[System], folds: Sequence[int], directory: P
         folds: Folds that are tested.
         directory: Holds a folder for each system; the networks, each trained once, lie beside it.
     """
-    names = ", ".join(system.name for system in systems)
+    what = f"{len(systems)} systems: {', '.join(system.name for system in systems)}"
     networks_in, shown = directory.parent / NETWORKS, set[str]()
     with Stage("system", len(systems)) as level:
         for number, system in enumerate(systems):
             level.update(number, title=system.name)
-            config, dataset, entries = system.config, None, []
-            for fold in folds:
-                home = directory / system.name / "folds" / str(fold)
-                results = finished_fold(home)
-                if results is None:
-                    log.info("%s, trained without fold %d.", system.name, fold)
-                    dataset = dataset or open_training(config, home)
-                    if not shown.issuperset(dataset.store.decoders):  # each modality once
-                        shown |= {*dataset.store.decoders}
-                        show_opening(config.data, dataset, f"{len(systems)} systems: {names}")
-                    results = run_fold(
-                        config.on_fold(fold), dataset, home, test_parts=False,
-                        networks_in=networks_in,
-                    )  # fmt: skip
-                entries.append(results["networks"])
-                predictions = home / "predictions" / f"{config.model.kind}.csv"
-                system.tests[fold] = read_outcomes(predictions)
-            system.entry = entries[0][config.model.kind]
+            homes = {fold: directory / system.name / "folds" / str(fold) for fold in folds}
+            entries = _run_folds(system.config, homes, networks_in, what, shown)
+            kind = system.config.model.kind
             seconds = [sum(part["fit_seconds"] for part in entry.values()) for entry in entries]
-            system.fit_seconds = fmean(seconds)
+            system.entry, system.fit_seconds = entries[0][kind], fmean(seconds)
+            system.tests = {
+                fold: read_outcomes(home / "predictions" / f"{kind}.csv")
+                for fold, home in homes.items()
+            }
+
+
+def _run_folds(
+    config: Config, homes: Mapping[int, Path], networks_in: Path, what: str, shown: set[str]
+) -> list[dict[str, Any]]:
+    """Return the networks of each fold's results, trained unless an earlier run did so.
+
+    Args:
+        config: The system.
+        homes: Folders by fold.
+        networks_in: Folder of the networks that systems have in common.
+        what: What is trained, for the opening.
+        shown: Modalities whose recordings an opening has shown; others are added.
+    """
+    dataset, entries = None, []
+    for fold, home in homes.items():
+        results = finished_fold(home)
+        if results is None:
+            dataset = dataset or open_training(config, home)
+            if not shown.issuperset(dataset.store.decoders):
+                shown |= {*dataset.store.decoders}
+                show_opening(config.data, dataset, what)
+            results = run_fold(
+                config.on_fold(fold), dataset, home, test_parts=False, networks_in=networks_in
+            )
+        entries.append(results["networks"])
+    return entries
