@@ -22,11 +22,11 @@ SECONDS = 400  # for the tests of one fault
 FAULTS = """
 == min(len(groups), count) ==> <= min(len(groups), count)
 (row.fold - fold) % folds, ==> (row.fold - fold - 1) % folds,
-each[i % len(each)] for name ==> each[0] for name
+members[i % len(members)] for name ==> members[0] for name
 ("train", "test") if by.inverted ==> ("test", "train") if by.inverted
 "val" if row.fold == by.val_fold else ==> "val" if row.fold != by.val_fold else
-resample_poly(kept, self.up, self.down, ==> resample_poly(kept, self.down, self.up,
-self.squares / self.count - np.square( ==> self.squares / self.count + np.square(
+data/decode: ratio.numerator, ratio.denominator, ==> ratio.denominator, ratio.numerator,
+constant = low == high ==> constant = low != high
 [n / totals[kind] for kind, n in ==> [n for kind, n in
 parts if min(seen.values()) > 1 else ==> parts if min(seen.values()) > 0 else
 - features.mean) / features.std ==> - features.mean) * features.std
@@ -36,12 +36,12 @@ features/spectrogram: frames = frames - frames.mean(dim=-1, keepdim=True) ==> fr
 std = self._mean(count - 1, away).sqrt() ==> std = self._mean(count - 1, away)
 (squares[..., 0] + squares[..., 1]).sum(dim=0) ==> (squares[..., 0] - squares[..., 1]).sum(dim=0)
 features/proportions: bands - bands.mean(dim=1, keepdim=True) ==> bands - bands.mean()
-@ filters / window.sum().square() ==> @ filters / window.sum()
+scale = window.sum().square() * self.level ==> scale = window.sum() * self.level
 - (patch - 1) / 2) / half ==> - patch / 2) / half
 torch.fft.rfft(trace - trace.mean(dim=-1, keepdim=True)) ==> torch.fft.rfft(trace)
 (high - low) / (2**bits - 1) ==> (high - low) / 2**bits
 (decibel - decibel / 2 * decades) / 20) ==> (decibel - decibel / 2 * decades) / 10)
-/ own / 10 ** (snr / 10)) ==> / own / 10 ** (snr / 20))
+/ strength / 10 ** (snr / 10)) ==> / strength / 10 ** (snr / 20))
 Window(kernel, stride, (kernel - stride) // 2, ==> Window(kernel, stride, kernel // 2,
 .bias"] = shift - scale * mean ==> .bias"] = shift + scale * mean
 weight = weight.flip(1) ==> weight = weight.flip(0)
@@ -56,7 +56,7 @@ label=int(self.probabilities.argmax()) ==> label=int(self.probabilities.argmin()
 int((len(known) + 1) * rate + ==> int(len(known) * rate +
 torch.full((count, classes), rest / (classes - 1), ==> torch.full((count, classes), rest / classes,
 return torch.stack(drawn, dim=1) ==> return torch.stack(drawn[::-1], dim=1)
-learning/statistics: classifier.eval() ==> classifier.train()
+last.scale.fill_(1) ==> last.scale.fill_(2)
 sense.network.eval()  # and stays ==> sense.network.train()  # and stays
 rows = (rows - mean) * scale * share ==> rows = rows * scale * share
 biases.detach() - weights @ origin ==> biases.detach() + weights @ origin
@@ -64,8 +64,8 @@ biases.detach() - weights @ origin ==> biases.detach() + weights @ origin
 (draw * len(parts) / dropout).long() ==> (draw * len(parts)).long()
 "lr": rate * fit["head_factor"] ==> "lr": rate / fit["head_factor"]
 cross_entropy(scores.T, label.expand( ==> cross_entropy(-scores.T, label.expand(
-np.arange(1, len(order) + 1)[last] ==> np.arange(len(order))[last]
-best.accuracy - other.accuracy <= error ==> best.accuracy - other.accuracy <= 4 * error
+f"{self.digest} {corner} {view.shape}" ==> f"{self.digest}"
+means[0] - means[1] <= error + ROUNDING ==> means[0] - means[1] <= 4 * error + ROUNDING
 sum(p * (1 - p) / n for ==> sum(p * (1 - p) for
 self.targets[out] - torch.linalg.solve( ==> self.targets[out] + torch.linalg.solve(
 (targets - self.share) * self.root ==> targets * self.root
@@ -74,9 +74,12 @@ shift + scale * conv.bias.double() ==> shift + conv.bias.double()
 cepstrum[:, self.first - 1 : self.last] ==> cepstrum[:, self.first : self.last]
 - 2 * features @ (means * precision).T ==> - features @ (means * precision).T
 self.network.eval() ==> self.network.train()
-[kind != OPTIONAL for ==> [kind == OPTIONAL for
-novelty.double() > torch.tensor(above ==> novelty.double() < torch.tensor(above
+basic = ~self._are(OPTIONAL) ==> basic = self._are(OPTIONAL)
+outputs["novelty"].double() > self.card ==> outputs["novelty"].double() < self.card
 features/proportions: return member / member.sum(dim=0) ==> return member
+lengths * WINDOWS_IN_RECORDING <= shortest ==> lengths <= shortest
+if len(layer.sizes) - 1 not in indices ==> if len(layer.sizes) - 1 in indices
+classifier/card: weights_only=True ==> weights_only=False
 """.strip().splitlines()
 
 
