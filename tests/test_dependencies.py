@@ -7,7 +7,9 @@ import tomllib
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
+import numpy as np
 import pytest
+from conftest import make_trace
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from packaging.version import Version
@@ -76,6 +78,20 @@ def test_no_optional_library_is_imported_before_it_is_asked_for():
     )
     finished = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert finished.returncode == 0, finished.stderr
+
+
+def test_a_prediction_imports_nothing_slow_that_it_does_not_use(untrained, tmp_path):
+    np.save(tmp_path / "a.npy", make_trace(0, 0))
+    code = (
+        f"import sys, tex_lightning as tl; tl.load({str(untrained)!r}).predict(haptic='a.npy'); "
+        "print(*sys.modules)"
+    )
+    finished = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, check=True, capture_output=True, text=True
+    )
+    slow = {"lightning", "matplotlib", "pandas", "scipy.optimize", "scipy.stats", "sklearn",
+            "sympy", "torch._dynamo"}  # fmt: skip
+    assert slow.isdisjoint(finished.stdout.split())
 
 
 @pytest.mark.slow  # fetches the build backend from the network

@@ -32,6 +32,24 @@ def test_a_network_larger_than_its_file_is_not_made():
         nn.Linear(10**9, 10**9)
 
 
+@pytest.mark.parametrize(
+    ("make", "arguments"),
+    [
+        (torch.arange, {"end": 7}),
+        (torch.arange, {"start": 2, "end": 7.5}),
+        (torch.arange, {"start": 7, "end": 2, "step": -2}),
+        (torch.hann_window, {"window_length": 9}),
+        (torch.linspace, {"start": 0, "end": 1, "steps": 5}),
+    ],
+)
+def test_lengths_are_counted_as_pytorch_makes_them(make, arguments):
+    for values, named in [((), arguments), (arguments.values(), {})]:
+        with SizeLimit(1) as limit:
+            before = limit.left
+            made = make(*values, **named)
+            assert before - limit.left == made.numel()
+
+
 @pytest.mark.parametrize("value", [torch.nan, torch.inf, -1e30, 1j])
 def test_weights_that_no_training_gives_are_named(value):
     check_numbers({"a": torch.ones(3), "b": torch.tensor(5)})

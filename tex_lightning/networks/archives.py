@@ -1,6 +1,7 @@
 """Refuse files of tensors that claim more than they hold, before memory is allocated."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -48,9 +49,22 @@ def check_numbers(state: Mapping[str, Tensor]) -> None:
             raise ValueError(f"{name} holds NaN or huge numbers")
 
 
-FACTORIES = {
-    torch.arange, torch.empty, torch.empty_strided, torch.eye, torch.full, torch.hamming_window,
-    torch.hann_window, torch.linspace, torch.logspace, torch.ones, torch.rand, torch.randn,
+def _range(start: float = 0, end: float | None = None, step: float = 1, **_: object) -> int:
+    """Return the length of a range; of one argument it is the end."""
+    low, high = (0, start) if end is None else (start, end)
+    return math.ceil((high - low) / step)
+
+
+# On the meta device PyTorch computes them by Python that takes seconds to import.
+LENGTHS: dict[Any, Callable[..., int]] = {
+    torch.arange: _range,
+    torch.hamming_window: lambda window_length, *_, **__: window_length,
+    torch.hann_window: lambda window_length, *_, **__: window_length,
+    torch.linspace: lambda start, end, steps, **_: steps,
+    torch.logspace: lambda start, end, steps, *_, **__: steps,
+}
+TENSORS = {
+    torch.empty, torch.empty_strided, torch.eye, torch.full, torch.ones, torch.rand, torch.randn,
     torch.zeros,
 }  # fmt: skip
 SPARE = 1 << 24  # numbers that features compute and no file holds, such as windows and filters
@@ -78,11 +92,14 @@ class SizeLimit(TorchFunctionMode):
         kwargs: Mapping[str, Any] | None = None,
     ) -> Any:  # noqa: ANN401
         """Count what is asked for; layers take their weights by ``torch.empty``."""
-        given = kwargs or {}
-        if func in FACTORIES:
-            size = func(*args, **{**given, "device": "meta"}).numel()
+        named = kwargs or {}
+        if func in LENGTHS or func in TENSORS:
+            if func in LENGTHS:
+                size = LENGTHS[func](*args, **named)
+            else:
+                size = func(*args, **{**named, "device": "meta"}).numel()
             self.left -= size
             self.weights -= size if func is torch.empty else 0
             if min(self.left, self.weights) < 0:
                 raise ValueError("its network has more weights than the file")
-        return func(*args, **given)
+        return func(*args, **named)

@@ -7,8 +7,8 @@ moment: ridge regression of the classes on the features, as in MiniRocket (Demps
 import math
 from collections.abc import Iterator, Sequence
 
+import scipy  # whose parts are loaded when they are used
 import torch
-from scipy.optimize import minimize_scalar
 from torch import Tensor, nn
 
 from tex_lightning.core.groups import PARTS, leave_out
@@ -334,4 +334,4 @@ def fit_temperature(logits: Sequence[Tensor], labels: Sequence[int]) -> float:
         means = [each.sum(dim=1) / each.shape[1] for each in scaled]
         return float(-(target * torch.stack(means).clamp_min(1e-300).log()).sum() / count)
 
-    return float(10 ** minimize_scalar(loss, bounds=(-1, 1), method="bounded").x)
+    return float(10 ** scipy.optimize.minimize_scalar(loss, bounds=(-1, 1), method="bounded").x)
