@@ -123,17 +123,17 @@ class ConsoleHandler(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print one message."""
-        own = record.name.partition(".")[0] in OWN
-        normal = logging.INFO if own else logging.WARNING
+        concerns_user = record.name.partition(".")[0] in OWN
+        normal = logging.INFO if concerns_user else logging.WARNING
         least = {QUIET: logging.ERROR, NORMAL: normal}.get(Screen.verbose, logging.DEBUG)
         if record.levelno < least:
             return
         grave = record.levelno >= logging.WARNING
         severity = f"{record.levelname.capitalize()}: " if grave else ""
         record.severity = Screen.job + severity
-        text = self.format(record) + ("" if own else f" ({record.name})")
+        text = self.format(record) + ("" if concerns_user else f" ({record.name})")
         # several lines of others are a table, as Lightning's of the layers
-        wraps = not record.exc_info and (own or "\n" not in text)
+        wraps = not record.exc_info and (concerns_user or "\n" not in text)
         say(text, STYLES.get(record.levelno, ""), wraps=wraps)
 
 

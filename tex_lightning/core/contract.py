@@ -78,7 +78,7 @@ def making(key: str, target: str) -> Iterator[None]:
 
 
 def _innermost(error: Exception) -> Exception:
-    """What a class raised, of which Hydra makes an error of its own."""
+    """Return what a class raised, of which Hydra makes an error of its own."""
     while type(error).__name__ == "InstantiationException" and isinstance(
         error.__cause__, Exception
     ):
@@ -143,12 +143,12 @@ def breach(key: str, kind: str, part: object, why: str) -> UserError:
     return UserError(f"{key} ({_name(part)}) {why}; {CONTRACTS[kind]}.")
 
 
-def describe(found: Any) -> str:  # noqa: ANN401
+def describe(value: Any) -> str:  # noqa: ANN401
     """Return what something is, for a message: its type, and of an array the shape and numbers."""
-    if not hasattr(found, "shape"):
-        return f"a {type(found).__name__}"
-    numbers = str(found.dtype).removeprefix("torch.")
-    return f"a {type(found).__name__} of {numbers} of shape {tuple(found.shape)}"
+    if not hasattr(value, "shape"):
+        return f"a {type(value).__name__}"
+    numbers = str(value.dtype).removeprefix("torch.")
+    return f"a {type(value).__name__} of {numbers} of shape {tuple(value.shape)}"
 
 
 def _name(part: object) -> str:

@@ -19,7 +19,7 @@ LARGEST, KEPT = 1 << 25, 1 << 30  # bytes: of a piece, in many versions, and in 
 
 
 def pick_device(accelerator: str) -> torch.device:
-    """The device of a Lightning accelerator name; ``auto`` takes the first accelerator there is.
+    """Return the device of an accelerator of Lightning; ``auto`` takes the first one.
 
     Raises:
         UserError: If the accelerator asked for is not there.

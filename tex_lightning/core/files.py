@@ -34,12 +34,12 @@ def require_file(path: Path) -> None:
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is a file; there is none of a name that is too long, or out of reach."""
+    """Return whether there is a file; there is none of a name that is too long, or out of reach."""
     return os.path.isfile(path)  # noqa: PTH113  (which raises no errors)
 
 
 def resolved(path: Path) -> Path:
-    """The path without links; as it stands if links go round in a circle or it is no path."""
+    """Return the path without links, or as it stands if links go in a circle or it is no path."""
     try:
         return path.resolve()
     except (OSError, RuntimeError, ValueError):
@@ -130,7 +130,7 @@ def write_atomically(target: Path, write: Callable[[Path], object]) -> None:
 
 
 def unwritable(path: str | Path, error: OSError) -> UserError:
-    """The error for a file that cannot be written."""
+    """Return the error for a file that cannot be written."""
     return UserError(
         f"Cannot write {path} ({error.strerror}); free some space or choose another folder."
     )
@@ -138,7 +138,7 @@ def unwritable(path: str | Path, error: OSError) -> UserError:
 
 @contextmanager
 def partial_path(target: Path, *, folder: bool = False) -> Iterator[Path]:
-    """A hidden path beside ``target``, to fill and move there; what is left of it is deleted.
+    """Yield a hidden path beside ``target``, to fill and move there; what is left of it is deleted.
 
     A process that is killed leaves it, and nothing reads it.
     """

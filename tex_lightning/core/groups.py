@@ -37,17 +37,19 @@ def divide(kinds: Sequence[Hashable], groups: Sequence[Hashable], parts: int) ->
     for kind, group in zip(kinds, groups, strict=True):
         held[group][kind] += 1
     column = {kind: number for number, kind in enumerate(totals)}
-    shares = {group: [n / totals[kind] for kind, n in own.items()] for group, own in held.items()}
+    shares = {
+        group: [n / totals[kind] for kind, n in counts.items()] for group, counts in held.items()
+    }
     load, sizes = np.zeros((parts, len(totals))), np.zeros(parts)
-    found: dict[Hashable, int] = {}
-    for group in sorted(held, key=lambda each: (-round(sum(shares[each]), DIGITS), str(each))):
+    part_of: dict[Hashable, int] = {}
+    for group in sorted(held, key=lambda group: (-round(sum(shares[group]), DIGITS), str(group))):
         columns = [column[kind] for kind in held[group]]
         crowding = load[:, columns] @ shares[group]
         part = int(np.lexsort((sizes.round(DIGITS), crowding.round(DIGITS)))[0])
         load[part, columns] += shares[group]
         sizes[part] += sum(shares[group])
-        found[group] = part
-    return [found[group] for group in groups]
+        part_of[group] = part
+    return [part_of[group] for group in groups]
 
 
 def leave_out(labels: Sequence[int], groups: Sequence[Hashable]) -> list[int]:

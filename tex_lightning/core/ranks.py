@@ -13,12 +13,12 @@ STARTERS = ("TORCHELASTIC_RUN_ID", "SLURM_STEP_NUM_TASKS")
 
 
 def is_rank_zero() -> bool:
-    """Whether this process prints and writes; every process does but those that only train."""
+    """Return whether this process prints and writes; those that only train do not."""
     return next((int(os.environ[name]) for name in RANKS if name in os.environ), 0) == 0
 
 
 def started_processes() -> int | None:
-    """How many processes torchrun or a step of SLURM has started; None without one."""
+    """Return how many processes torchrun or a step of SLURM has started; None without one."""
     if STARTERS[0] in os.environ:
         return int(os.environ["WORLD_SIZE"])
     tasks = int(os.environ.get(STARTERS[1], 1))

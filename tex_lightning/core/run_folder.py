@@ -32,7 +32,7 @@ FREE_KEYS = (
 
 
 def holds_work(directory: Path) -> bool:
-    """Whether a run has left something there that a later one goes on from, or could spoil."""
+    """Return whether a run has left something that a later one goes on from, or could spoil."""
     return any((directory / name).exists() for name in WORK)
 
 
@@ -81,8 +81,8 @@ def claim_folder(composed: DictConfig, values: dict[str, Any], job: "Job") -> No
     note = directory / SETTINGS
     wanted = {key: value for key, value in values.items() if not key.startswith(FREE_KEYS)}
     if note.is_file() and holds_work(directory):
-        found = read_record(note)
-        differing = sorted(key for key in {*wanted, *found} if wanted.get(key) != found.get(key))
+        before = read_record(note)
+        differing = sorted(key for key in {*wanted, *before} if wanted.get(key) != before.get(key))
         if differing:
             raise UserError(
                 f"Run folder {directory} holds a run with another {', '.join(differing)}; "
@@ -98,13 +98,13 @@ def claim_folder(composed: DictConfig, values: dict[str, Any], job: "Job") -> No
         write_text(directory / ".hydra" / f"{name}.yaml", OmegaConf.to_yaml(content))
 
 
-def find_checkpoint(given: str | Path) -> Path:
-    """The checkpoint file that is meant: the file itself, or a run folder's own network.
+def find_checkpoint(source: str | Path) -> Path:
+    """Return the checkpoint file that is meant: the file itself, or a run folder's own network.
 
     Raises:
         UserError: If the folder holds none, or several of which none is the model's.
     """
-    path = Path(given).expanduser()
+    path = Path(source).expanduser()
     if not path.is_dir():
         return path
     files = {file.stem: file for file in sorted(path.glob("checkpoints/*.ckpt"))}
