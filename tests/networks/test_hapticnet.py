@@ -3,6 +3,7 @@
 import torch
 
 from tex_lightning.networks import HapticNet
+from tex_lightning.networks.geometry import layer_windows, receptive_field
 
 NARROW = 0.04
 
@@ -43,5 +44,5 @@ def test_receptive_field_by_impulses():
     with torch.no_grad():
         change = net(impulses) - net(torch.zeros_like(impulses[:1]))
     seen = change[:, 0, 3].abs().nonzero().flatten()
-    assert len(seen) == seen[-1] - seen[0] + 1 == net.receptive_field == 222
+    assert len(seen) == seen[-1] - seen[0] + 1 == receptive_field(layer_windows(net, 1)) == 222
     assert seen[0] == 3 * net.stride - 15

@@ -14,12 +14,7 @@ from torch import Tensor, nn
 from torch.nn.functional import pad
 
 from tex_lightning.errors import UserError
-from tex_lightning.senses.features.proportions import (
-    FLOOR,
-    BandProportions,
-    compared,
-    hop_length,
-)
+from tex_lightning.senses.features.proportions import FLOOR, BandProportions, compared, hop_length
 from tex_lightning.senses.features.spectrogram import (
     IMPACT_FACTOR,
     KNOWN_SECONDS,

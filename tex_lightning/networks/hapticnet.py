@@ -51,7 +51,6 @@ class HapticNet(nn.Module):
     stride = 16  # frames between neighbouring predictions
     window_size = (50, 192)  # bands and frames that give exactly one prediction
     min_size = (50, 177)
-    receptive_field = 222  # frames seen by one prediction of a longer spectrogram
 
     def __init__(
         self, classes: int, *, width: float = 1.0, norm: Norm = "batch", dropout: float = 0.5

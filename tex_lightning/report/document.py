@@ -7,11 +7,7 @@ from typing import Any
 
 from tex_lightning.evaluation.comparison import mcnemar, pair
 from tex_lightning.evaluation.conditions import pool_conditions
-from tex_lightning.evaluation.outcomes import (
-    Outcome,
-    read_outcomes,
-    summarise,
-)
+from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, summarise
 from tex_lightning.report.table import (
     POOLED,
     Row,

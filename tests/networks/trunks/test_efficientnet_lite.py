@@ -117,7 +117,7 @@ def test_every_feature_is_a_mean_over_its_window(patch, window, size):
 def test_a_fragment_smaller_than_a_position_is_refused():
     with pytest.raises(UserError, match="choose 32 pixels or more"):
         EfficientNetLite0(width=0.1, norm="none", patch=31)
-    assert EfficientNetLite0(width=0.1, norm="none", patch=32).min_side == 32
+    assert EfficientNetLite0(width=0.1, norm="none", patch=32).smallest_side(1) == 32
 
 
 def test_standardised_features_have_mean_zero_and_unit_length():

@@ -5,14 +5,7 @@ from typing import ClassVar
 
 from torch import nn
 
-from tex_lightning.networks.blocks import (
-    NORMS,
-    Norm,
-    Window,
-    conv_block,
-    response_norm,
-    scaled,
-)
+from tex_lightning.networks.blocks import NORMS, Norm, Window, conv_block, response_norm, scaled
 from tex_lightning.networks.trunks.base import Trunk
 
 CAFFE_CONV1 = Window(11, 4)

@@ -111,11 +111,6 @@ class Trunk(nn.Module):
         return bisect_left(range(high), features, key=self.output_side)
 
     @property
-    def min_side(self) -> int:
-        """Smallest image side in pixels that gives one prediction."""
-        return self.smallest_side(self.fc1_kernel)
-
-    @property
     def stride(self) -> int:
         """Pixels between neighbouring predictions."""
         return prod(window.stride for window in layer_windows(self.layers, 1))
