@@ -53,9 +53,9 @@ CASES = [
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # of Lightning, which a user sees
-@pytest.mark.parametrize(("common", "given"), CASES, ids=[case for _, case in CASES])
-def test_extremes_run_or_are_refused(common, given, cli, surfaces, bands, tmp_path):
-    words = [word.replace("BANDS", str(bands)) for word in [*common, *given.split()]]
+@pytest.mark.parametrize(("task", "given"), CASES, ids=[case for _, case in CASES])
+def test_extremes_run_or_are_refused(task, given, cli, surfaces, bands, tmp_path):
+    words = [word.replace("BANDS", str(bands)) for word in [*task, *given.split()]]
     data = ["data=folder", f"data.root={surfaces}", f"hydra.run.dir={tmp_path}"]
     outcome = cli(*words, *data)
     assert "Traceback" not in outcome.err + outcome.out
