@@ -17,6 +17,7 @@ from tex_lightning.errors import UserError, shorten
 MISTAKES = (HydraException, OmegaConfBaseException, YAMLError)  # the last of a user's own files
 KEY = re.compile(r"Could not (?:override|append to config|delete).*?'([^'=]+)")
 MANY = 4  # keys that a wrong one may stand for
+NOISE = ("full_key:", "object_type=", "reference_type=", "See https:", "Set the environment", "To ")
 
 
 def explain(error: Exception) -> UserError:
@@ -82,6 +83,7 @@ def _names(values: dict[Any, Any], prefix: str = "") -> Iterator[str]:
 
 
 def _one_line(error: Exception) -> str:
-    """Return the first lines of an error and its cause as one that ends in a full stop."""
-    texts = [str(part).partition("\n")[0].rstrip(".") for part in (error, error.__cause__) if part]
-    return "; ".join(dict.fromkeys(map(shorten, texts))) + "."
+    """Return the messages of an error and its cause as one line that ends in a full stop."""
+    lines = [line for part in (error, error.__cause__) if part for line in str(part).splitlines()]
+    kept = [line.strip().rstrip(".") for line in lines if not line.strip().startswith(NOISE)]
+    return "; ".join(dict.fromkeys(map(shorten, filter(None, kept)))) + "."
