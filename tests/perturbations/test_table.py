@@ -118,6 +118,13 @@ def test_a_wrong_rate_lowers_a_tone_and_a_faster_stroke_raises_it():
         assert len(changed) == pytest.approx(20_000 / factor, rel=0.01)
 
 
+@pytest.mark.parametrize(("hz", "gain"), [(200, 6), (2000, 3)])
+def test_a_heavier_hand_is_louder_by_decibels_and_darker_by_half_as_many_a_decade(hz, gain):
+    tone = np.sin(2 * np.pi * hz / RATE * np.arange(int(RATE)))[None]
+    louder = TABLE["force"].apply(tone, 2, scene())  # 6 dB
+    assert 10 * np.log10(power(louder) / power(tone)) == pytest.approx(gain, abs=0.05)
+
+
 def test_photos_change_size_as_stated():
     photo = make_photo(0, 0)
     assert TABLE["scale_down"].apply(photo, 5, scene()).shape == (120, 120, 3)
