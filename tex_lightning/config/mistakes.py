@@ -86,4 +86,5 @@ def _one_line(error: Exception) -> str:
     """Return the messages of an error and its cause as one line that ends in a full stop."""
     lines = [line for part in (error, error.__cause__) if part for line in str(part).splitlines()]
     kept = [line.strip().rstrip(".") for line in lines if not line.strip().startswith(NOISE)]
+    kept = [re.sub("^Error merging override (.*)", r"\1 cannot be used", line) for line in kept]
     return "; ".join(dict.fromkeys(map(shorten, filter(None, kept)))) + "."
