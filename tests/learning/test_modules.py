@@ -147,6 +147,8 @@ def test_fusion_starts_from_checkpoints_of_three_senses(tmp_path):
     model = module("three")
     starts = {name: SurfaceClassifier.from_checkpoint(path) for name, path in paths.items()}
     start_fusion(model, starts, "scores")
+    networks = [sense.network for sense in model.classifier.senses.values()]
+    assert not any(network.training for network in networks)  # without dropout
     classifier = model.eval().classifier
     rng = torch.Generator().manual_seed(0)
     sample = {

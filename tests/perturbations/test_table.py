@@ -118,6 +118,14 @@ def test_a_wrong_rate_lowers_a_tone_and_a_faster_stroke_raises_it():
         assert len(changed) == pytest.approx(20_000 / factor, rel=0.01)
 
 
+def test_a_quantised_ramp_has_as_many_values_as_the_bits_allow():
+    ramp = np.linspace(-1, 1, 10_001)[None]
+    bits = round(TABLE["quantisation"].value(3))
+    values = np.unique(TABLE["quantisation"].apply(ramp, 3, scene()).round(6))
+    assert len(values) == 2**bits
+    np.testing.assert_allclose(values[[0, -1]], [-1, 1], atol=1e-6)
+
+
 @pytest.mark.parametrize(("hz", "gain"), [(200, 6), (2000, 3)])
 def test_a_heavier_hand_is_louder_by_decibels_and_darker_by_half_as_many_a_decade(hz, gain):
     tone = np.sin(2 * np.pi * hz / RATE * np.arange(int(RATE)))[None]
