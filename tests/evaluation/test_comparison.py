@@ -42,6 +42,16 @@ def test_one_error_more_suffices_only_where_there_are_many_samples(n):
     assert choose(best="+" * n, small="+" * (n - 1) + "-") == expected
 
 
+@pytest.mark.parametrize(("errors", "expected"), [(5, "small"), (7, "best")])
+def test_systems_without_a_common_sample_are_compared_as_if_independent(errors, expected):
+    """2 and 4 samples of 100 more are wrong, with standard errors of 2.8 and 3.1."""
+    votes = {}
+    for name, wrong in (("best", 3), ("small", errors)):
+        shares = marks("+" * (100 - wrong) + "-" * wrong)
+        votes[name] = {(0, f"{name} {i}"): share for i, share in enumerate(shares)}
+    assert one_standard_error({"best": 10, "small": 1}, votes) == expected
+
+
 def test_pairing_counts_only_what_differs():
     """Equal accuracies of 1/2 on the same samples leave no doubt that one extra error matters."""
     differences = np.array([1] * 10 + [0] * 50)

@@ -123,6 +123,8 @@ def test_metrics_are_logged_after_an_epoch_and_not_after_every_sample():
     for truth in (label, label, (label + 1) % 3):
         model.validation_step({"label": truth, "recordings": recordings}, 0)
     assert list(logged) == ["val/loss"]
+    shares = model.classifier.logits(**recordings).detach().softmax(dim=0)[label]
+    assert float(logged["val/loss"].detach()) == pytest.approx(float(-shares.log().mean()))
     model.on_validation_epoch_end()
     assert sorted(logged) == sorted(f"val/{name}" for name in VOTES)
     assert float(logged["val/vote_accuracy"].compute()) == pytest.approx(2 / 3)
