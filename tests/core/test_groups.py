@@ -36,6 +36,11 @@ def test_what_is_left_out_leaves_every_class_some_rows(rows):
     assert min(seen.values()) > 1
 
 
+def test_a_rare_class_counts_as_much_as_a_common_one():
+    kinds = ["common", "rare", "common", "common", "common", "rare"]
+    assert divide(kinds, ["a", "a", "b", "b", "c", "c"], 2) == [0, 0, 0, 0, 1, 1]
+
+
 @pytest.mark.parametrize("parts", [2, 5, 10])
 def test_classes_are_spread_as_evenly_as_scikit_learn_spreads_them(parts):
     rng = np.random.default_rng(parts)
