@@ -1,5 +1,7 @@
 """Cards that were damaged, or that another version wrote; the threshold of unknown recordings."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
@@ -7,7 +9,7 @@ from conftest import make_card, save_classifier
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tex_lightning.classifier.card import least_rate, novelty_threshold
+from tex_lightning.classifier.card import least_rate, novelty_threshold, read_checkpoint
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import DecisionConfig
 from tex_lightning.errors import UserError
@@ -91,3 +93,23 @@ def test_the_threshold_is_the_conformal_quantile():
     known = np.random.default_rng(0).exponential(size=99)
     expected = np.quantile(known, 95 / 99, method="inverted_cdf")
     assert novelty_threshold(known.tolist(), 0.05) == pytest.approx(expected)
+
+
+class Payload:
+    """Writes a file where it is read by pickle."""
+
+    def __init__(self, target):
+        self.target = target
+
+    def __reduce__(self):
+        return Path.touch, (self.target,)
+
+
+def test_a_checkpoint_that_would_run_code_is_refused_and_runs_none(tmp_path):
+    touched = tmp_path / "touched"
+    torch.save({"state_dict": Payload(touched)}, tmp_path / "a.ckpt")
+    with pytest.raises(UserError, match=r"a\.ckpt is damaged or was not written by tex_lightning"):
+        read_checkpoint(tmp_path / "a.ckpt")
+    assert not touched.exists()
+    torch.load(tmp_path / "a.ckpt", weights_only=False)
+    assert touched.exists()  # so that the file would have done it

@@ -117,6 +117,16 @@ def test_unseen_recordings_are_told_apart_and_the_order_of_fragments_is_kept(eac
         torch.testing.assert_close(scores[..., :1], network(one[None, ..., :1]))
 
 
+def test_a_constant_that_is_added_to_every_feature_changes_no_score():
+    inputs, labels = recordings(3)
+    shifted = [one + 10 for one in inputs]
+    network, other = (LinearNet(CLASSES, bands=BANDS, strength=0.03) for _ in range(2))
+    network.fit(inputs, labels)
+    other.fit(shifted, labels)
+    expected, scores = network(inputs[0][None]), other(shifted[0][None])
+    torch.testing.assert_close(scores, expected, rtol=0, atol=1e-3)
+
+
 def test_a_feature_that_never_varies_says_nothing():
     inputs, labels = recordings(3)
     for one in inputs:
