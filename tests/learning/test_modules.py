@@ -130,6 +130,18 @@ def test_metrics_are_logged_after_an_epoch_and_not_after_every_sample():
     assert float(logged["val/vote_accuracy"].compute()) == pytest.approx(2 / 3)
 
 
+def test_the_fusion_layer_learns_twenty_times_as_fast_as_the_networks():
+    """In the paper 10 to 50 times, for the last layer."""
+    model = module("fusion")
+    optimizer = model.configure_optimizers()["optimizer"]
+    rates = {group["name"]: group["max_lr"] for group in optimizer.param_groups}
+    assert rates == {"backbone": pytest.approx(1e-3), "head": pytest.approx(2e-2)}
+    (head,) = (group["params"] for group in optimizer.param_groups if group["name"] == "head")
+    assert {id(each) for each in head} == {
+        id(each) for each in model.classifier.fusion.parameters()
+    }
+
+
 def test_fusion_keeps_the_statistics_of_batch_normalisation():
     model = module("fusion").train()
     norms = [layer for layer in model.modules() if isinstance(layer, nn.BatchNorm2d)]
