@@ -189,3 +189,14 @@ def test_every_band_has_power_at_every_rate(rate):
     assert bool((centres.diff() > 0).all())
     means = filters.double() @ (torch.arange(251) * rate / 500).double()
     assert float(((means - centres).abs() / (rate / 500)).max()) < 1.0
+
+
+def test_bands_of_the_training_set_have_mean_0_and_deviation_1():
+    features = SpectrogramFeatures(sampling_rate=2000.0)
+    generator = torch.Generator().manual_seed(0)
+    traces = [scale * torch.randn(1, 8000, generator=generator) for scale in (1, 3, 9)]
+    magnitudes = [features.magnitudes(trace) for trace in traces]
+    features.fit(magnitudes)
+    bands = torch.cat([features.normalise(each) for each in magnitudes], dim=1)
+    torch.testing.assert_close(bands.mean(dim=1), torch.zeros(len(bands)), rtol=0, atol=1e-4)
+    torch.testing.assert_close(bands.std(dim=1), torch.ones(len(bands)), rtol=0, atol=1e-3)
