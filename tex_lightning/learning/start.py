@@ -238,19 +238,18 @@ class FrozenTrunk:
     them.
 
     Args:
-        classifier: With its trunk's weights, on the device that computes the features.
+        fast: Accelerated copy of a classifier, whose trunk no longer standardises its features.
         name: Name of the sense with the trunk.
-        engine: How the accelerated copy that computes them differs.
     """
 
-    def __init__(self, classifier: SurfaceClassifier, name: str, engine: EngineConfig) -> None:
-        self.sense = accelerate(classifier, engine).senses[name]
+    def __init__(self, fast: SurfaceClassifier, name: str) -> None:
+        self.sense = fast.senses[name]
         trunk: Any = self.sense.network.trunk
         last: TextureFeatures = trunk.layers[-1]
         last.mean.zero_()  # as they come, before they are standardised
         last.scale.fill_(1)
-        digest = hashlib.sha256(json.dumps(classifier.card.senses[name], sort_keys=True).encode())
-        digest.update(classifier.device.type.encode())
+        digest = hashlib.sha256(json.dumps(fast.card.senses[name], sort_keys=True).encode())
+        digest.update(fast.device.type.encode())
         for tensor in trunk.state_dict().values():
             digest.update(tensor.cpu().contiguous().numpy().data)
         self.digest = digest.hexdigest()
@@ -272,7 +271,7 @@ def _view_features(
     module: SurfaceModule, photos: PhotoBank, passes: int, engine: EngineConfig
 ) -> Tensor:
     """Features (passes * photos, D) of a view of each photo, pass by pass."""
-    trunk = FrozenTrunk(module.classifier, module.kind, engine)
+    trunk = FrozenTrunk(accelerate(module.classifier, engine), module.kind)
     numbers = [(part, index) for part in range(passes) for index in range(len(photos.recordings))]
     features = []
     for part, index in track(numbers, "Features of the pretrained trunk"):

@@ -53,7 +53,7 @@ def keep_statistics(
         recordings = rows.of(sense.modality).rows
         labels = torch.tensor(class_indices([row.label for row in recordings], classes))
         if frozen and scores_textures(sense.network):
-            features = _texture_features(classifier, name, recordings, store, engine)
+            features = _texture_features(classifier, fast, name, recordings, store)
         else:
             positions = position_features(fast, name, recordings, store)
             features = torch.stack([embedding.mean(dim=1) for embedding in positions])
@@ -89,13 +89,13 @@ def left_out_novelties(
 
 def _texture_features(
     classifier: SurfaceClassifier,
+    fast: SurfaceClassifier,
     name: str,
     rows: Sequence[Recording],
     store: Store,
-    engine: EngineConfig,
 ) -> Tensor:
     """Features (recordings, D), on the CPU, of whole photos that the store may have."""
-    trunk = FrozenTrunk(classifier, name, engine)
+    trunk = FrozenTrunk(fast, name)
     photos = track(rows, f"Statistics of {plural(rows[0].modality)}")
     raw = [trunk.kept(store.load(row), (0, 0), row, store) for row in photos]
     network: Any = classifier.senses[name].network
