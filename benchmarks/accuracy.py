@@ -185,8 +185,8 @@ def run_log_bands(overrides: list[str], rows: Rows, is_test: list[bool]) -> tupl
     """Do the same with a ridge classifier on log-band energies and levels of every axis."""
     decoder, signals = SignalDecoder(channels=configured(*overrides).data.channels), []
     for row in rows:
-        trace, source = read_trace(row.path, decoder, row.sampling_rate)
-        signals.append((cut_part(trace, row.part, row.path), source.hz))
+        trace, rate = read_trace(row.path, decoder, row.sampling_rate)
+        signals.append((cut_part(trace, row.part, row.path), rate))
     train = np.flatnonzero(np.logical_not(is_test))
     labels, groups = zip(*((rows[n].label, rows[n].group_key) for n in train), strict=True)
     left_out = leave_out(labels, groups) or None

@@ -290,7 +290,7 @@ def make_card(
     return Card(
         classes=list(classes),
         senses=branches,
-        decision={"pairs": pairs, "seed": 0, "rule": "vote", "reject_below": None},
+        decision={"pairs": pairs, "seed": 0, "rule": "vote", "unknown": None},
         fusion={"level": level} if len(senses) > 1 else {},
     )
 

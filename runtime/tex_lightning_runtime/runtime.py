@@ -81,7 +81,7 @@ class Runtime:
         require(not absent, f"The network needs {' and '.join(self.senses)}; give {absent} too.")
         found, empty = self._run(inputs), all(each.empty for each in inputs.values())
         warnings = [warning for each in inputs.values() for warning in each.warnings]
-        least, judges = self.card["decision"]["reject_below"], self.card["unknown"] is not None
+        judges = self.card["unknown"] is not None
         said: dict[str, Any] = {"label": None, "rejected": False, "probability": None}
         said |= {"confidence": None, "top_k": [], "fragments": 0, "relative_macs": 1.0}
         said |= {"warnings": warnings, "modalities": [*inputs]}
@@ -93,11 +93,9 @@ class Runtime:
             top = [{"label": self.card["classes"][i], "share": float(shares[i])} for i in ranked]
             said |= {"probability": float(probabilities[best]), "confidence": top[0]["share"]}
             said |= {"top_k": top[: self._top_k], "fragments": found["scores"].shape[1]}
-            unsure = said["probability"] < (least or 0) or (empty and least)
-            unknown = judges and (empty or found["unknown"])
-            said["label"] = "unknown" if unknown else None if unsure else top[0]["label"]
-            said["rejected"] = bool(unknown or unsure)
-        if least is None and not judges:
+            said["rejected"] = judges and bool(empty or found["unknown"])
+            said["label"] = "unknown" if said["rejected"] else top[0]["label"]
+        if not judges:
             del said["rejected"]
         if len(self.senses) == 1:
             del said["modalities"]

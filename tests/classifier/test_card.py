@@ -27,7 +27,7 @@ FUSION = make_card("haptic", "visual", "sound", classes=["a", "b"], width=0.1)
         ("decision.rule", "median"),
         ("decision.pairs", "many"),
         ("decision.seed", -1),
-        ("decision.reject_below", float("nan")),
+        ("decision.unknown", float("nan")),
         ("senses.haptic.axes", "frames"),
         ("senses.haptic.width", 1e30),
         ("senses.haptic.decode.sampling_rate", "fast"),
@@ -60,11 +60,11 @@ def test_the_card_of_some_senses_is_that_of_a_network_of_them():
 
 
 def test_a_decision_given_goes_before_the_cards():
-    decision = DecisionConfig(pairs=None, rule=None, seed=None, reject_below=None)
+    decision = DecisionConfig(pairs=None, rule=None, seed=None, unknown=None)
     assert CARD.deciding(decision) == CARD
-    decision = DecisionConfig(pairs=None, rule="mean", seed=None, reject_below=0)
+    decision = DecisionConfig(pairs=None, rule="mean", seed=None, unknown=0)
     changed = CARD.deciding(decision)
-    assert changed.decision == {**CARD.decision, "rule": "mean", "reject_below": 0}
+    assert changed.decision == {**CARD.decision, "rule": "mean", "unknown": 0}
 
 
 def test_a_network_larger_than_its_file_and_weights_of_nan_are_refused(tmp_path):

@@ -29,7 +29,7 @@ CASES = [
     *[(BANDS, case) for case in (
         "data.per_class=1", "data.inverted=true", "data.classes=2 data.folds=2 data.val_fold=null",
         "data.sampling_rate=500", "data.file_rate=20", "data.hold_out=[alpha,beta]",
-        "data.folds=100000", "decision.reject_below=1", "decision.unknown=0.9 data.per_class=1",
+        "data.folds=100000", "decision.unknown=0.9 data.per_class=1",
         "decision=sequential decision.confidence_threshold=1", "callbacks=[]",
         "task=crossval crossval.only=[0,0]", "task=crossval data.inverted=true",
         "model=minirocket model.baseline.kernels=1",

@@ -46,7 +46,7 @@ def timed(times, form="%.9g", mark=",", name="time,x,y,z"):
 def test_dialects_give_the_same_axes(tmp_path, text, encoding):
     trace, source = SAME.decode(write(tmp_path, text, encoding))
     np.testing.assert_allclose(trace, AXES, rtol=1e-5)
-    assert source.source == "assumed"
+    assert source == SAME.file_rate
 
 
 @pytest.mark.parametrize(
@@ -69,8 +69,7 @@ def test_dialects_give_the_same_axes(tmp_path, text, encoding):
 def test_a_column_of_time_gives_the_rate_and_is_no_axis(tmp_path, name, scale):
     path = write(tmp_path, timed(TIMES * scale + 40 * scale, name=name))
     trace, source = SignalDecoder(RATE, file_rate=77_000).decode(path)
-    assert source.source == "time column"
-    assert source.hz == pytest.approx(RATE, rel=1e-9)
+    assert source == pytest.approx(RATE, rel=1e-9)
     np.testing.assert_allclose(trace, AXES, rtol=1e-5)
     assert SignalDecoder(4 * RATE).decode(path)[0].shape == (3, 800)
 
@@ -83,7 +82,7 @@ def test_jitter_and_gaps_are_interpolated_to_the_usual_rate(tmp_path, caplog, ra
     wave = np.sin(2 * np.pi * rate / 150 * times)
     path = write(tmp_path, "time,x\n" + lines(np.stack([times, wave]), form="%.9g"))
     (trace,), source = SignalDecoder(rate).decode(path)
-    assert source.hz == pytest.approx(rate, rel=1e-3)
+    assert source == pytest.approx(rate, rel=1e-3)
     assert len(trace) == pytest.approx(6000, abs=5)
     grid = times[0] + np.arange(len(trace)) / rate
     even = np.sin(2 * np.pi * rate / 150 * grid)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.metrics import roc_auc_score
 
-from tex_lightning.evaluation.calibration import auroc, calibration, selective
+from tex_lightning.evaluation.calibration import auroc, calibration
 from tex_lightning.evaluation.outcomes import Outcome
 
 CLASSES = ["a", "b", "c"]
@@ -34,15 +34,6 @@ def test_the_calibration_error_is_that_of_its_definition(outcomes):
         for n in np.unique(bins)
     ]
     assert calibration(outcomes)["ece"] == pytest.approx(sum(gaps), abs=1e-5)
-
-
-def test_rejecting_the_unsure(outcomes):
-    found = selective(outcomes, 0.8)
-    sure = [o for o in outcomes if max(o.class_probabilities.values()) >= 0.8]
-    assert found["coverage"] == len(sure) / len(outcomes)
-    right = sum(o.label == o.predicted for o in sure)
-    assert found["selective_accuracy"] == pytest.approx(right / len(sure))
-    assert selective(outcomes, 1.0)["selective_accuracy"] is None
 
 
 @given(st.lists(st.tuples(st.integers(0, 5), st.booleans()), min_size=1, max_size=40))

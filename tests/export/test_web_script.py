@@ -130,7 +130,7 @@ def test_sounds_arrays_and_tables_are_read_as_by_the_package(node, tmp_path):
     )
     for path, (rate, axes) in zip(paths, signals, strict=True):
         samples, expected = read_samples(path)
-        assert rate == (expected and expected.hz), path.name
+        assert rate == expected, path.name
         axes = np.asarray(axes, samples.dtype)
         np.testing.assert_allclose(axes, samples, rtol=1e-15, err_msg=path.name)
 
@@ -160,12 +160,9 @@ SENSE = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("unknown", "reject_below", "label"),
-    [(0, None, "b"), (0, 0.9, None), (1, None, "unknown"), (1, 0.9, "unknown")],
-)
-def test_what_is_unlike_the_training_or_unsure_gets_no_class(node, unknown, reject_below, label):
-    decision = {"rule": "vote", "temperature": 1, "seed": 0, "reject_below": reject_below}
+@pytest.mark.parametrize(("unknown", "label"), [(0, "b"), (1, "unknown")])
+def test_what_is_unlike_the_training_is_unknown(node, unknown, label):
+    decision = {"rule": "vote", "temperature": 1, "seed": 0}
     card = {"classes": ["a", "b"], "senses": [SENSE], "decision": decision, "ranges": {}}
     found = node(
         {"classify": "classify"},

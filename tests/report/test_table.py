@@ -53,16 +53,13 @@ def test_what_was_asked_for_is_shown_beside_chance(printed, tmp_path):
     unknown = {"rate": 0.05, "threshold": 1.0, "novelty_auroc": 0.98765,
                "false_rejections": {"count": 2, "of": 40, "share": 0.05},
                "accepted_unknown": {"count": 3, "of": 20, "share": 0.15}}  # fmt: skip
-    selective = {"reject_below": 0.9, "coverage": 0.75, "selective_accuracy": None}
-    asked = dict(unknown=unknown, selective=selective)
-    table.print_results({**RUN, "networks": {"a": NETWORK, "b": {**NETWORK, **asked}}}, tmp_path)
+    networks = {"a": NETWORK, "b": {**NETWORK, "unknown": unknown}}
+    table.print_results({**RUN, "networks": networks}, tmp_path)
     rows = {line[:27].strip(): line[27:].split() for line in printed().splitlines()}
     assert rows["chance"] == ["33.3%", "33.3%"]
     assert rows["false rejections"] == ["2/40", "(5.0%)"]
     assert rows["accepted unknown"] == ["3/20", "(15.0%)"]
     assert rows["AUROC of unknown"] == ["0.988"]
-    assert rows["labelled (from 0.9)"] == ["75.0%"]
-    assert "correct of these" not in rows
 
 
 def test_sweep(printed, tmp_path):

@@ -42,9 +42,6 @@ def test_a_replayed_file_ends_with_the_label_of_predict(cli, stream, tmp_path):
     assert [line["time"] for line in said] == [*(0.25 * n for n in range(1, 13)), 3.05]
     assert (said[0]["label"], said[0]["fragments"]) == (None, 0)
     assert [said[-1][key] for key in KEYS] == [whole[key] for key in KEYS]
-    rejected = lines(cli("task=stream", *stream, file, "decision.reject_below=1"))
-    assert (rejected[0]["rejected"], rejected[-1]["rejected"]) == (False, True)
-    assert rejected[-1]["label"] is None
 
 
 def test_samples_from_standard_input(cli, stream, tmp_path, monkeypatch):

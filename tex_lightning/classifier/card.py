@@ -26,7 +26,7 @@ SUFFIX = ".ckpt"  # of checkpoints of this package
 LABEL = "unknown"
 ROUNDING = 1e-9  # of a rate times a number of recordings
 
-DECISION = ("pairs", "rule", "seed", "reject_below", "unknown")  # that the card keeps
+DECISION = ("pairs", "rule", "seed", "unknown")  # that the card keeps
 NOVELTIES = "novelties"  # of the calibration
 MAX_WIDTH = 100  # a card that says more is damaged, and its network would not fit into memory
 CHOICES: dict[str, tuple[str, ...]] = {
@@ -44,12 +44,11 @@ RANGES: dict[str, tuple[float, float]] = {
     "resize": (1, LARGEST),
     "decision.pairs": (1, MAX_PAIRS),
     "decision.seed": (0, 2**32 - 1),
-    "decision.reject_below": (0, 1),
     "decision.unknown": (0, 1),
     "calibration.temperature": (1e-6, 1e6),
     "training.fit_seconds": (0, math.inf),
 }
-OPTIONAL = ("file_rate", "resize", "decision.reject_below", "decision.unknown")
+OPTIONAL = ("file_rate", "resize", "decision.unknown")
 
 
 @dataclass(frozen=True)
@@ -61,8 +60,7 @@ class Card:
         senses: By the name of each sense what
             :func:`~tex_lightning.senses.base.make_sense` makes its sense of: ``_target_``,
             ``modality``, ``decode``, ``features``, ``network`` and their arguments.
-        decision: ``pairs`` and ``seed`` of FusionNet's vote, ``rule``, ``reject_below`` and
-            ``unknown``.
+        decision: ``pairs`` and ``seed`` of FusionNet's vote, ``rule`` and ``unknown``.
         fusion: ``level`` of FusionNet; empty for a single sense.
         baseline: ``name`` of a baseline, its ``node`` of the configuration, the ``budget`` that it
             was given and the ``weights`` it started from;
@@ -145,11 +143,6 @@ class Card:
     def rule(self) -> str:
         """How fragments decide, a key of ``RULES``."""
         return str(self.decision["rule"])
-
-    @property
-    def reject_below(self) -> float | None:
-        """Mean class probability below which no label is given; None always gives one."""
-        return self.decision.get("reject_below")
 
     @property
     def unknown(self) -> float:

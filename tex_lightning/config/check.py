@@ -133,8 +133,8 @@ def _decision_rules(config: Config) -> Iterator[Rule]:
     )
     yield (
         unknown and model.baseline is not None,
-        f"decision.unknown needs features of a network, and model={model.name} is none: use "
-        "decision.reject_below",
+        f"decision.unknown needs features of a network, and model={model.name} is none: "
+        "leave it out",
     )
     trained = model.trained if model.baseline is None else ()
     steps = any(model.fit_values(kind)["epochs"] for kind in trained)

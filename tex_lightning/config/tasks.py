@@ -32,9 +32,6 @@ class DecisionConfig:
         "count votes, or average probabilities or scores", choices=("vote", "mean", "score")
     )
     seed: int | None = key("seed of the pairs and of the order of windows", SEED)
-    reject_below: float | None = key(
-        "mean class probability below which no label is given; 0: always one", SHARE, default=None
-    )
     unknown: float | None = key(
         "share of known recordings that may be called unknown; 0: none", CHANCE, default=None
     )

@@ -23,7 +23,6 @@ from tex_lightning.data.traces import (
     MAX_AXES,
     MAX_SAMPLES,
     TRACE_SUFFIXES,
-    SourceRate,
     axes_first,
     choose_channels,
     read_samples,
@@ -67,7 +66,7 @@ class SignalDecoder:
                 f"{MAX_AXES - 1}, or null."
             )
 
-    def decode(self, path: Path, rate: float | None = None) -> tuple[Trace, SourceRate]:
+    def decode(self, path: Path, rate: float | None = None) -> tuple[Trace, float]:
         """Read a trace and bring it to the configured rate.
 
         Args:
@@ -76,14 +75,14 @@ class SignalDecoder:
 
         Returns:
             float32 array of shape (axes, samples), in the file's unit and with its level; its own
-            rate.
+            rate in Hz.
 
         Raises:
             UserError: If the file is missing, empty, damaged, of another shape, or holds NaN, or if
                 it states another rate.
         """
         samples, source = read_trace(path, self, rate)
-        return to_rate(samples, source.hz, self.sampling_rate, f"Trace {path}"), source
+        return to_rate(samples, source, self.sampling_rate, f"Trace {path}"), source
 
     def assuming(self, rate: float | None) -> Self:
         """Return the decoder for files at another rate in Hz than in training; None for theirs."""
@@ -177,8 +176,8 @@ def _are_channels(channels: Sequence[Any]) -> bool:
 
 def read_trace(
     path: Path, settings: SignalDecoder, rate: float | None = None
-) -> tuple[npt.NDArray[np.floating], SourceRate]:
-    """Read a trace as it stands in its file: samples (axes, samples) and their rate.
+) -> tuple[npt.NDArray[np.floating], float]:
+    """Read a trace as it stands in its file: samples (axes, samples) and their rate in Hz.
 
     The rate is the file's own, else the stated one, else the assumed ``data.file_rate``. Arguments
     and errors are those of :meth:`SignalDecoder.decode`.
@@ -186,12 +185,11 @@ def read_trace(
     samples, source = read_samples(path, settings.channels)
     check_samples(samples, f"Trace {path}")
     if source is None:
-        assumed = SourceRate(settings.file_rate, "assumed")
-        return samples, assumed if rate is None else SourceRate(rate, "stated")
-    if rate is not None and not math.isclose(source.hz, rate, rel_tol=RATE_TOLERANCE):
+        return samples, settings.file_rate if rate is None else rate
+    if rate is not None and not math.isclose(source, rate, rel_tol=RATE_TOLERANCE):
         raise UserError(
-            f"Trace {path} has {source.hz:,.6g} Hz by its {source.source}, but {rate:,.6g} Hz by "
-            "the manifest or reader; correct or remove one of them."
+            f"Trace {path} has {source:,.6g} Hz by its header or column of time, but {rate:,.6g} "
+            "Hz by the manifest or reader; correct or remove one of them."
         )
     return samples, source
 

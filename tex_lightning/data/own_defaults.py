@@ -132,7 +132,7 @@ def _rate(row: Recording, assumed: float | None) -> float:
         _, source = read_trace(row.path, decoder, row.sampling_rate)
     except UserError:
         return 0.0
-    return round(source.hz, 3)
+    return round(source, 3)
 
 
 def _level_overrides(data: DataConfig, model: ModelConfig) -> Iterator[str]:

@@ -118,7 +118,7 @@ def training_ranges(rows: Iterable[Recording], store: Store) -> dict[str, list[f
     for row in rows:
         decoder, recording = store.decoders[row.modality], store.load(row)
         if isinstance(decoder, SignalDecoder):
-            measures = trace_measures(recording, store.rate(row).hz, decoder.sampling_rate)
+            measures = trace_measures(recording, store.rate(row), decoder.sampling_rate)
         else:
             measures = _photo_measures(recording)
         for name, value in measures.items():

@@ -28,7 +28,7 @@ from tex_lightning.core.progress import track
 from tex_lightning.data.decode import Decoder
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording, cut_part
-from tex_lightning.data.traces import SOURCES, SourceRate, axis_files
+from tex_lightning.data.traces import axis_files
 from tex_lightning.errors import UserError, reason
 
 MAX_LINES = 20
@@ -55,11 +55,11 @@ def skipped_entry(unusable: Iterable[Unusable]) -> list[dict[str, str]]:
 
 
 FINGERPRINT_BYTES = 65_536
-LAYOUT = 6  # of an entry: what an earlier version decoded otherwise is decoded anew
+LAYOUT = 7  # of an entry: what an earlier version decoded otherwise is decoded anew
 UNREADABLE = (OSError, ValueError, EOFError)  # not there yet, or damaged by a full disk
-RATE_BYTES = 144  # of two numbers as .npy, which stand behind the array of a trace
+RATE_BYTES = 136  # of a number as .npy, which stands behind the array of a trace
 T = TypeVar("T")
-Decoded = tuple[npt.NDArray[Any], SourceRate | None]
+Decoded = tuple[npt.NDArray[Any], float | None]
 
 
 def cache_root(configured: str | None) -> Path:
@@ -123,8 +123,8 @@ class Store:
         """Return how long or large a recording is, in the unit of its decoder."""
         return self.decoders[recording.modality].extent(self.load(recording))
 
-    def rate(self, recording: Recording) -> SourceRate:
-        """Return the sampling rate of a trace's file, and its source."""
+    def rate(self, recording: Recording) -> float:
+        """Return the sampling rate of a trace's file in Hz."""
         return self._read(recording, _read_rate)
 
     def _read(self, recording: Recording, read: Callable[[Path], T]) -> T:
@@ -220,20 +220,19 @@ class Store:
             raise _unwritable(self.root.parent, error.__cause__) from error
 
 
-def _save(path: Path, array: npt.NDArray[Any], rate: SourceRate | None) -> None:
+def _save(path: Path, array: npt.NDArray[Any], rate: float | None) -> None:
     """Write the array and, in the same file, the rate of a trace."""
     with path.open("wb") as stream:
         np.save(stream, array, allow_pickle=False)
         if rate is not None:
-            numbers = np.array([rate.hz, SOURCES.index(rate.source)], np.float64)
-            np.save(stream, numbers, allow_pickle=False)
+            np.save(stream, np.array([rate], np.float64), allow_pickle=False)
 
 
-def _read_rate(entry: Path) -> SourceRate:
+def _read_rate(entry: Path) -> float:
     with entry.open("rb") as stream:
         stream.seek(-RATE_BYTES, os.SEEK_END)
-        hz, source = np.load(stream, allow_pickle=False).tolist()
-    return SourceRate(hz, SOURCES[int(source)])
+        (rate,) = np.load(stream, allow_pickle=False).tolist()
+    return float(rate)
 
 
 def _map(entry: Path) -> npt.NDArray[Any]:

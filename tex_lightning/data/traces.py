@@ -14,9 +14,7 @@ are missing, the others are interpolated linearly to even steps of the usual len
 import logging
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -27,8 +25,6 @@ from tex_lightning.core.files import check_lines, is_file, require_file
 from tex_lightning.errors import UserError, reason, shorten
 
 Array = npt.NDArray[np.floating]
-RateSource = Literal["header", "time column", "stated", "assumed"]
-SOURCES: tuple[RateSource, ...] = get_args(RateSource)
 MAX_AXES = 64
 MAX_SAMPLES = 1 << 29  # of a file, 2 GiB of float32: 14 h of one axis at 10 kHz
 MAX_TEXT = 1 << 29  # bytes
@@ -52,20 +48,7 @@ MAX_FILLED = 2  # times as many samples, beyond which most of a recording would 
 log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class SourceRate:
-    """The rate of a signal before it is resampled.
-
-    Attributes:
-        hz: The rate.
-        source: Who says so; ``stated`` is a manifest or a reader.
-    """
-
-    hz: float
-    source: RateSource
-
-
-Table = tuple[Array, SourceRate | None]  # samples in the order of the file, and what it says
+Table = tuple[Array, float | None]  # samples in the order of the file, and its rate in Hz
 
 
 def read_samples(path: Path, channels: Sequence[int] | None = None) -> Table:
@@ -76,7 +59,7 @@ def read_samples(path: Path, channels: Sequence[int] | None = None) -> Table:
         channels: Which of the axes are kept, as :func:`choose_channels` takes them.
 
     Returns:
-        Samples of 1 to 64 axes, and the rate if the file carries it.
+        Samples of 1 to 64 axes, and their rate in Hz; None if the file does not state it.
 
     Raises:
         UserError: If a file is missing, empty, damaged or of another shape, or its column of time
@@ -171,7 +154,7 @@ def _read_sound(path: Path) -> Table:
                 raise ValueError(f"truncated: {length - rest} of {length} bytes are missing")
         _check_count(sound.frames * sound.channels)  # a small FLAC file may hold hours of silence
         samples = sound.read(dtype="float32", always_2d=True)
-        return samples, SourceRate(float(sound.samplerate), "header")
+        return samples, float(sound.samplerate)
 
 
 def _check_count(count: int) -> None:
@@ -286,7 +269,7 @@ def _even_samples(path: Path, times: Array, samples: Array, unit: float) -> Tabl
     if (np.abs(steps - step) > EVEN * step).any():
         grid = times[0] + np.arange(count) * step
         axes = np.stack([np.interp(grid, times, axis) for axis in axes])
-    return axes, SourceRate(1 / (step * unit), "time column")
+    return axes, 1 / (step * unit)
 
 
 READERS: dict[str, Callable[[Path], Table]] = {

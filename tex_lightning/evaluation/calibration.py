@@ -49,22 +49,6 @@ def correct_votes(outcomes: Sequence[Outcome]) -> npt.NDArray[np.bool_]:
     return np.array([outcome.label == outcome.predicted for outcome in outcomes])
 
 
-def selective(outcomes: Sequence[Outcome], reject_below: float) -> dict[str, float | None]:
-    """Coverage and accuracy when no label is given below a confidence.
-
-    Returns:
-        ``reject_below``; ``coverage``, the share of samples with a label; ``selective_accuracy``
-        of those, None if there is none.
-    """
-    accepted = confidences(outcomes) >= reject_below
-    correct = correct_votes(outcomes)[accepted]
-    return {
-        "reject_below": reject_below,
-        "coverage": float(accepted.mean()),
-        "selective_accuracy": float(correct.mean()) if len(correct) else None,
-    }
-
-
 def auroc(negative: Sequence[float], positive: Sequence[float]) -> float | None:
     """Compute the chance that a positive scores above a negative; ties count half.
 

@@ -39,7 +39,6 @@ def metadata(classifier: SurfaceClassifier) -> dict[str, Any]:
         "decision": {
             "rule": card.rule,
             "temperature": card.temperature,
-            "reject_below": card.reject_below,
             "pairs": card.decision["pairs"],
             "seed": card.decision["seed"],
         },

@@ -22,10 +22,8 @@ class Prediction:
     classes, or all of them if nothing was measured: the training has no such inputs.
 
     Attributes:
-        label: Name of the class, or ``unknown``; None if the probability is below the threshold, or
-            there is no fragment yet.
-        rejected: Whether the novelty is above its threshold (``decision.unknown``) or the
-            probability below its own (``decision.reject_below``); None if there is no threshold.
+        label: Name of the class, or ``unknown``; None if there is no fragment yet.
+        rejected: Whether the novelty is above its threshold; None without ``decision.unknown``.
         probability: Mean class probability of the winner over all fragments, 0 to 1.
         confidence: The winner's share of the votes, 0 to 1.
         top_k: ``label`` and ``share`` of the votes of the best classes, the winner first.
@@ -75,16 +73,16 @@ def describe(
 
     Args:
         vote: None where there is no fragment yet.
-        card: Gives class names and the threshold of rejection.
+        card: Gives class names and the threshold of novelty.
         quality: Warnings about the input.
         top_k: How many classes to list.
         latency: Time from input to label in seconds.
         modalities: Modalities that a FusionNet used.
     """
-    least, most, milliseconds = card.reject_below, card.unknown_above, round(latency * 1000, 3)
-    warnings, judged = tuple(quality.warnings), least is not None or most is not None
+    threshold, milliseconds = card.unknown_above, round(latency * 1000, 3)
+    warnings = tuple(quality.warnings)
     if vote is None:
-        rejected = False if judged else None
+        rejected = None if threshold is None else False
         return Prediction(
             None, rejected, None, None, (), 0, 1.0, warnings, tuple(modalities), milliseconds
         )
@@ -93,12 +91,13 @@ def describe(
     shares, classes = vote.shares.tolist(), card.classes
     # the label first whatever the tie, then the others by votes, then by their place
     ranked = sorted(range(len(classes)), key=lambda i: (i != vote.label, -shares[i], i))
-    novelty = None if most is None else vote.novelty
-    unknown = most is not None and (quality.empty or (novelty is not None and novelty > most))
-    doubtful = least is not None and (vote.probability < least or (quality.empty and least > 0))
+    novelty, unknown = None, None
+    if threshold is not None:
+        novelty = vote.novelty
+        unknown = quality.empty or (novelty is not None and novelty > threshold)
     return Prediction(
-        label=LABEL if unknown else None if doubtful else classes[vote.label],
-        rejected=(unknown or doubtful) if judged else None,
+        label=LABEL if unknown else classes[vote.label],
+        rejected=unknown,
         probability=vote.probability,
         confidence=shares[vote.label],
         top_k=tuple({"label": classes[i], "share": shares[i]} for i in ranked[:top_k]),

@@ -35,7 +35,7 @@ def load(path: str | Path, *overrides: str, trusted: Sequence[str] = ()) -> "Pre
     Args:
         path: A checkpoint or the run folder that holds it.
         *overrides: Arguments of ``task=predict`` on the command line, such as ``"top_k=5"``,
-            ``"decision.reject_below=0.7"``, ``"engine=reference"``, ``"trainer.accelerator=cpu"``.
+            ``"decision.unknown=0.05"``, ``"engine=reference"``, ``"trainer.accelerator=cpu"``.
         trusted: Packages, beside installed plugins, whose classes a checkpoint may name, in
             this process from now on; their code runs.
 

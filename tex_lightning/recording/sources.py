@@ -4,6 +4,7 @@ Bytes of a sensor are parsed strictly: what cannot be meant raises an error that
 """
 
 import importlib
+import math
 import re
 import sys
 from collections.abc import Callable, Generator, Iterator
@@ -195,10 +196,11 @@ def _open_serial(library: Any, port: str, baud: int) -> Iterator[Read]:  # noqa:
 
 def _recorded_file(path: Path, name: str, key: str, rate: int | None) -> Source:
     """Read a recording as ``task=predict`` does; its rate has to be known."""
-    samples, source = read_trace(path, SignalDecoder(), rate)
-    if source.source == "assumed":
+    unknown = SignalDecoder(file_rate=math.nan)
+    samples, source = read_trace(path, unknown, rate)
+    if math.isnan(source):
         raise _no_rate(name, key)
-    return Source(round(source.hz), lambda: (piece for piece in [samples.astype("float32")]))
+    return Source(round(source), lambda: (piece for piece in [samples.astype("float32")]))
 
 
 def _sound_card(name: str, device: str, settings: SourceConfig) -> Source:

@@ -79,12 +79,8 @@ def counted(votes: Mapping[str, Any]) -> str:
 
 
 def _rejections(network: Network) -> dict[str, str]:
-    """What ``reject_below``, ``decision.unknown`` and ``data.hold_out`` led to, if given."""
+    """Return what ``decision.unknown`` and ``data.hold_out`` led to, if given."""
     cells: dict[str, str] = {}
-    if selective := network.get("selective"):
-        cells[f"labelled (from {selective['reject_below']:g})"] = f"{selective['coverage']:.1%}"
-        if selective["selective_accuracy"] is not None:
-            cells["correct of these"] = f"{selective['selective_accuracy']:.1%}"
     unknown = network.get("unknown", {})
     for key in ("false_rejections", "accepted_unknown"):
         if counts := unknown.get(key):

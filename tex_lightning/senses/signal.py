@@ -157,8 +157,8 @@ class SignalSense(Sense):
         """Decode a file or samples; ``rate`` in Hz is that of samples and of files without one."""
         if isinstance(given, str | Path):
             path, assumed = Path(given).expanduser(), rate or self.decoder.file_rate
-            raw, found = read_trace(path, self.decoder.assuming(assumed))
-            source, name = found.hz, f"Trace {path}"
+            raw, source = read_trace(path, self.decoder.assuming(assumed))
+            name = f"Trace {path}"
         else:
             raw, name = as_trace(given, self.modality, self.decoder.channels), self.modality
             source = self.decoder.sampling_rate if rate is None else rate

@@ -224,7 +224,7 @@ def rate_warnings(signals: Recordings, store: Store) -> list[str]:
     decoder = store.decoders[modality]
     if not isinstance(decoder, SignalDecoder):
         return []
-    rates = {row: store.rate(row).hz for row in signals}
+    rates = {row: store.rate(row) for row in signals}
     highest = min(max(rates.values()), decoder.sampling_rate)
     low = [row for row, hz in rates.items() if hz * MEASURES["rate"][0] < highest]
     if not low:

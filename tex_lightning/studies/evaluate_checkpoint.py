@@ -11,7 +11,7 @@ from tex_lightning.config import Config
 from tex_lightning.core.devices import pick_device
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store, Unusable, load_sample, skipped_entry
-from tex_lightning.evaluation.calibration import calibration, selective
+from tex_lightning.evaluation.calibration import calibration
 from tex_lightning.evaluation.conditions import by_condition
 from tex_lightning.evaluation.novelty import report_unknown
 from tex_lightning.evaluation.outcomes import (
@@ -83,7 +83,7 @@ def report_network(
     write_outcomes(outcomes, directory / "predictions" / f"{kind}.csv")
     recordings = load_sample(samples[0], store)
     entry = {
-        **pooled_metrics(outcomes, decider.card.reject_below),
+        **pooled_metrics(outcomes),
         **by_condition(samples, outcomes),
         "parameters": classifier.count_parameters(),
         # None for a baseline whose arithmetic is outside PyTorch and not counted
@@ -96,14 +96,9 @@ def report_network(
     return entry, outcomes
 
 
-def pooled_metrics(outcomes: Sequence[Outcome], reject_below: float | None) -> dict[str, Any]:
+def pooled_metrics(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     """Entries of ``results.json`` that follow from the outcomes of one fold or of several."""
-    entry: dict[str, Any] = {
-        **summarise(outcomes),
-        "calibration": calibration(outcomes),
-    }
-    if reject_below is not None:
-        entry["selective"] = selective(outcomes, reject_below)
+    entry = {**summarise(outcomes), "calibration": calibration(outcomes)}
     if any(outcome.relative_macs != 1 for outcome in outcomes):  # of sequential decisions
         entry["relative_macs"] = fmean(outcome.relative_macs for outcome in outcomes)
     return entry

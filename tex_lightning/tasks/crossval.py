@@ -61,7 +61,7 @@ def _pool(
     write_outcomes(outcomes, directory / "predictions" / f"{name}.csv")
     draw_figures(outcomes, dataset.classes, name, directory)
     pooled = {
-        **pooled_metrics(outcomes, config.decision.reject_below),
+        **pooled_metrics(outcomes),
         **pool_conditions(entries.values()),
         **pool_unknown(entries, by_fold, name, directory, config.decision.unknown),
         "parameters": first["parameters"],

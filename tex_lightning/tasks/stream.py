@@ -75,9 +75,9 @@ def _open(config: Config, sense: SignalSense, file: str) -> tuple[float, Iterato
         size = max(1, round(config.stream.chunk * rate))
         return rate, _from_standard_input(config.stream.axes, size)
     decoder = replace(sense.decoder.assuming(config.data.file_rate), channels=None)  # not yet
-    trace, source = read_trace(Path(file).expanduser(), decoder)
-    size = max(1, round(config.stream.chunk * source.hz))
-    return source.hz, (trace[:, i : i + size] for i in range(0, trace.shape[1], size))
+    trace, rate = read_trace(Path(file).expanduser(), decoder)
+    size = max(1, round(config.stream.chunk * rate))
+    return rate, (trace[:, i : i + size] for i in range(0, trace.shape[1], size))
 
 
 def _from_standard_input(axes: int, size: int) -> Iterator[Chunk]:

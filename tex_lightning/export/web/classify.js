@@ -156,9 +156,6 @@ function describe(card, vote, found) {
   const doubt = empty ? 1 : warnings.length ? UNLIKE : 0;
   const shares = doubted(vote.shares, doubt);
   const probabilities = doubted(vote.probabilities, doubt);
-  const least = card.decision.reject_below;
-  const probability = probabilities[vote.label];
-  const unsure = least !== null && (probability < least || (empty && least > 0));
   const unknown = card.unknown !== null && (empty || vote.unknown);
   const first = (i) => (i === vote.label ? 0 : 1);
   const order = [...card.classes.keys()].sort(
@@ -166,10 +163,10 @@ function describe(card, vote, found) {
       first(a) - first(b) || shares[b] - shares[a] || probabilities[b] - probabilities[a] || a - b,
   );
   return {
-    label: unknown ? "unknown" : unsure ? null : card.classes[vote.label],
-    rejected: unknown || unsure,
+    label: unknown ? "unknown" : card.classes[vote.label],
+    rejected: unknown,
     best: card.classes[vote.label],
-    probability,
+    probability: probabilities[vote.label],
     confidence: shares[vote.label],
     top: order.map((i) => ({ label: card.classes[i], share: shares[i], probability: probabilities[i] })),
     fragments: vote.fragments,

@@ -153,7 +153,6 @@ function sentence(result, percent) {
   if (result.label === "unknown") {
     return `It is unlike every surface of the training; of those, ${result.best} is nearest (${share}).`;
   }
-  if (result.rejected) return `Too unsure to name one. Nearest is ${result.best}: ${share}.`;
   return `${share}.`;
 }
 
