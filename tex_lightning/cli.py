@@ -258,7 +258,8 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     several = Screen.sweep and runs_side_by_side(job.hydra)
     Screen.job = f"Job {job.hydra.hydra.job.num}: " if several else ""
     config = checked_config(composed)
-    if (settled := with_defaults(config.task, config.data, config.model, job)) is not job:
+    settled = with_defaults(config.task, config.data, config.model, job)
+    if settled.overrides != job.overrides:
         job, composed = settled, settled.compose(settled.overrides)
         config = checked_config(composed)
     if config.checkpoint is not None:

@@ -50,7 +50,10 @@ def _accepted(
     called: Callable[..., Any], values: Mapping[str, Any], offered: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Return those of the offered arguments that are taken and not given yet."""
-    names = inspect.signature(called).parameters if offered else {}
+    try:
+        names = [*inspect.signature(called).parameters] if offered else []
+    except ValueError:  # of a class that is written in C
+        names = []
     return {name: item for name, item in offered.items() if name in names and name not in values}
 
 

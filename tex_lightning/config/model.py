@@ -87,12 +87,15 @@ class PhotoFitConfig(FitConfig):
 
 @dataclass
 class FusionFitConfig(FitConfig):
-    """Training of FusionNet on inputs as large as the receptive fields."""
+    """Training of FusionNet, on inputs as large as the receptive fields if not ``frozen``."""
 
+    frozen: bool = key(
+        "train the fusion layer alone, on features of whole recordings; else the networks, too"
+    )
     head_factor: float = key(
         "learning rate of the fusion layer over that of the networks, as the paper", "[10, 50]"
     )
-    rotation: float = key("largest random rotation of photos either way", **ROTATION)
+    rotation: float = key("largest random rotation of photos, if not frozen", **ROTATION)
     modality_dropout: float = key("probability that one sense alone classifies a sample", "[0, 1]")
 
 

@@ -4,20 +4,19 @@ The probabilities of a sample are the means over its fragments; its confidence i
 that won the vote.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 import torch
 from scipy.stats import mannwhitneyu
+from torch import Tensor
 from torchmetrics.functional.classification import binary_calibration_error
 
 from tex_lightning.classifier.card import Card
-from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import class_indices
-from tex_lightning.data.store import Store, load_sample
 from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.networks.linear import fit_temperature
 
@@ -62,26 +61,25 @@ def auroc(negative: Sequence[float], positive: Sequence[float]) -> float | None:
 
 
 def calibrated_card(
-    classifier: SurfaceClassifier,
+    card: Card,
     samples: Sequence[Sample],
-    store: Store,
+    compute_scores: Callable[[], Sequence[Tensor]],
     *,
     fitted: bool = False,
 ) -> Card:
     """Return the card with the temperature of the probabilities.
 
     Args:
-        classifier: Trained, in evaluation mode.
+        card: Card of a trained classifier.
         samples: Samples of the validation fold; without any the card stays as it is.
-        store: Their recordings.
+        compute_scores: Gives their class scores (classes, fragments).
         fitted: Whether its probabilities were fitted with its weights, to all training recordings:
             a temperature from the few of the validation fold would only make them worse.
     """
-    card = classifier.card
     if fitted or not samples or "temperature" in card.calibration:
         return card
     with torch.inference_mode():
-        logits = [classifier.logits(**load_sample(sample, store)) for sample in samples]
+        logits = compute_scores()
     if card.rule == "score":  # which alone counts then
         logits = [scores.mean(dim=1, keepdim=True) for scores in logits]
     labels = class_indices([sample.label for sample in samples], card.classes)

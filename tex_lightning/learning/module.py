@@ -4,7 +4,7 @@ FusionNet learns from trained unimodal networks (paper, section III-B), on piece
 prediction each, with a faster head.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Self
 
 import torch
@@ -15,11 +15,14 @@ from torchmetrics.classification import MulticlassAccuracy
 
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.config import EngineConfig
 from tex_lightning.config.instantiation import build, call
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.contract import breach, calling, describe
+from tex_lightning.data.banks import InputBank
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.errors import UserError
+from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.networks.fusionnet import FusionLayer
 
@@ -31,7 +34,8 @@ class SurfaceModule(LightningModule):
     """Train a :class:`SurfaceClassifier` on pieces of recordings.
 
     Every position of a piece is a fragment with the label of its recording. FusionNet learns on
-    tuples of fragments, one of each sense, all of one class.
+    tuples of fragments, one of each sense, all of one class; a batch of frozen networks holds
+    their features.
 
     Logged: ``train/loss`` (cross entropy per fragment, lower is better), the share of correct
     fragments as ``train/fragment_accuracy`` (higher is better), ``lr/backbone`` and ``lr/head``;
@@ -44,6 +48,11 @@ class SurfaceModule(LightningModule):
         seed: Seed of dropout; batches have their own.
         pieces: By sense the length or side of the pieces. Those of FusionNet are as small as a
             single fragment where the network says how small that is.
+
+    Attributes:
+        is_frozen: Whether the fusion layer alone learns.
+        embeddings: By sense the features that it then learns from.
+        engine: How the copy that validates is accelerated; None takes none.
     """
 
     def __init__(self, card: Card, fit: dict[str, Any], seed: int, pieces: dict[str, int]) -> None:
@@ -52,9 +61,13 @@ class SurfaceModule(LightningModule):
         self.save_hyperparameters(kept, logger=False)
         self.classifier, self.kind = SurfaceClassifier(card), card.kind
         self.layout = training_layout(self.classifier)
+        self.is_frozen: bool = self.kind == FUSION and fit["frozen"] and fit["epochs"] > 0
+        self.embeddings: dict[str, InputBank] = {}
         if self.kind == FUSION:
             senses = self.classifier.senses.items()
             pieces = {name: sense.piece_size(pieces[name]) for name, sense in senses}
+            for _, sense in senses:
+                sense.network.requires_grad_(not self.is_frozen)
         else:
             self.network.to(memory_format=self.layout)
         self.fit_config, self.seed, self.pieces = fit, seed, pieces
@@ -62,6 +75,8 @@ class SurfaceModule(LightningModule):
         self.augmentation: Any = None if node is None else build(key, node)
         classes = len(card.classes)
         self.train_accuracy = accuracy(classes)
+        self.engine: EngineConfig | None = None
+        self.validated = [self.classifier]  # in a list, since a copy is no part of this module
         self.fragment_accuracy, self.vote_accuracy = accuracy(classes), accuracy(classes)
 
     def inputs(self, batch: Batch) -> list[Tensor]:
@@ -114,25 +129,29 @@ class SurfaceModule(LightningModule):
         if self.kind == FUSION:
             senses = self.classifier.senses.values()
             networks = nn.ModuleList(sense.network for sense in senses)
-            return list(networks.parameters()), list(self.fusion.parameters())
+            backbone = [weight for weight in networks.parameters() if weight.requires_grad]
+            return backbone, list(self.fusion.parameters())
         backbone = list(getattr(self.network, "trunk", self.network).parameters())
         trunk = set(backbone)
         return backbone, [weight for weight in self.network.parameters() if weight not in trunk]
 
     def scores(self, batch: Batch) -> Tensor:
         """Class scores (batch, classes, fragments or tuples) of a training batch."""
+        if self.is_frozen:
+            return self._fused(batch[name]["input"] for name in self.classifier.senses)
         inputs, senses = self.inputs(batch), self.classifier.senses.values()
         if self.kind == FUSION:
             levels = self.fusion.levels
-            features = [
+            return self._fused(
                 sense.score(x, level).flatten(2)
                 for sense, level, x in zip(senses, levels, inputs, strict=True)
-            ]
-            return self.fused(
-                [self.fusion.project(index, part) for index, part in enumerate(features)]
             )
         (x,), (sense,) = inputs, senses
         return sense.score(x, "fc3").flatten(2)
+
+    def _fused(self, features: Iterable[Tensor]) -> Tensor:
+        """Class scores (batch, classes, tuples) of features (batch, D, positions) by sense."""
+        return self.fused([self.fusion.project(*part) for part in enumerate(features)])
 
     def fused(self, parts: list[Tensor]) -> Tensor:
         """Class scores (batch, classes, tuples); for a share of the samples of one sense alone.
@@ -180,9 +199,14 @@ class SurfaceModule(LightningModule):
                 self.log(f"lr/{group['name']}", group["lr"], batch_size=len(labels))
         return loss
 
+    def on_validation_epoch_start(self) -> None:
+        """Make the copy that classifies as in testing."""
+        if self.engine is not None:
+            self.validated = [accelerate(self.classifier, self.engine)]
+
     def validation_step(self, batch: Batch, batch_idx: int) -> None:
         """Classify a whole sample as in testing."""
-        scores, label = self.classifier.logits(**batch["recordings"]), batch["label"]
+        scores, label = self.validated[0].logits(**batch["recordings"]), batch["label"]
         decided = scores
         if not bool(scores.isfinite().all()):  # weights that diverge do not end the training
             decided = -nn.functional.one_hot(label, len(scores))[:, None].float()  # an error
@@ -197,6 +221,7 @@ class SurfaceModule(LightningModule):
 
     def on_validation_epoch_end(self) -> None:
         """Log the shares, once: Lightning looks at all that a metric keeps each time."""
+        self.validated = [self.classifier]
         self.log("val/fragment_accuracy", self.fragment_accuracy, prog_bar=True)
         self.log("val/vote_accuracy", self.vote_accuracy, prog_bar=True)
 
@@ -277,7 +302,10 @@ def make_optimizer(
     ]
     groups = [group for group in groups if group["params"]]
     steps = max(1, fit["epochs"] * fit["steps_per_epoch"])
-    optimizer = call(f"{where}.optimizer", build(f"{where}.optimizer", fit["optimizer"]), groups)
+    # one pass over the parameters; on a GPU it would keep Lightning from clipping gradients
+    fused = all(weight.device.type == "cpu" for weight in backbone + head)
+    make = build(f"{where}.optimizer", fit["optimizer"], **({"fused": True} if fused else {}))
+    optimizer = call(f"{where}.optimizer", make, groups)
     make_scheduler = build(
         f"{where}.schedule", fit["schedule"],
         total_steps=steps, total_iters=steps, T_max=steps,

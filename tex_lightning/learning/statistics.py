@@ -4,7 +4,7 @@ These are statistics of the features of every class, and on the validation fold 
 thresholds, and the novelties that set ``decision.unknown``.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, cast
 
@@ -17,7 +17,8 @@ from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.config import EngineConfig
 from tex_lightning.core.groups import leave_out
 from tex_lightning.core.progress import track
-from tex_lightning.data.folds import Sample, Split, make_samples
+from tex_lightning.data.banks import InputBank
+from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.recordings import Recording, Recordings, class_indices, plural
 from tex_lightning.data.store import Store, load_recording, load_sample
 from tex_lightning.evaluation.calibration import calibrated_card
@@ -30,6 +31,7 @@ def keep_statistics(
     rows: Recordings,
     store: Store,
     engine: EngineConfig,
+    embeddings: Mapping[str, InputBank],
     *,
     frozen: bool,
 ) -> dict[str, list[float]]:
@@ -40,6 +42,7 @@ def keep_statistics(
         rows: The training recordings, which are not perturbed.
         store: Where they are decoded.
         engine: How the accelerated copy that computes the features differs.
+        embeddings: By sense its features, as far as they are there.
         frozen: Whether nothing but layers in closed form was trained, so that texture features
             are those of any other classifier.
 
@@ -55,7 +58,9 @@ def keep_statistics(
         if frozen and scores_textures(sense.network):
             features = _texture_features(classifier, fast, name, recordings, store)
         else:
-            positions = position_features(fast, name, recordings, store)
+            positions: Iterable[Tensor] = position_features(fast, name, recordings, store)
+            if name in embeddings and classifier.embedding_layer(name) == classifier.level(name):
+                positions = embeddings[name].inputs
             features = torch.stack([embedding.mean(dim=1) for embedding in positions])
         statistics = FeatureStatistics.of(features, labels, len(classes))
         classifier.statistics[name] = statistics.to(classifier.device)
@@ -103,6 +108,27 @@ def _texture_features(
     return features.cpu()
 
 
+def embedding_banks(
+    classifier: SurfaceClassifier, rows: Recordings, store: Store, engine: EngineConfig
+) -> dict[str, InputBank]:
+    """Compute what the fusion layer of a classifier adds up, at each position of its recordings.
+
+    Args:
+        classifier: On the device that computes the features; left in evaluation mode.
+        rows: The training recordings.
+        store: Where they are decoded.
+        engine: How the accelerated copy that computes them differs.
+
+    Returns:
+        By sense features (D, positions) of every recording, of which one position is cut.
+    """
+    fast, banks = accelerate(classifier.eval(), engine), {}
+    for name, sense in classifier.senses.items():
+        features = position_features(fast, name, rows.of(sense.modality).rows, store)
+        banks[name] = InputBank((fast.fused_features(name, part) for part in features), 1)
+    return banks
+
+
 @torch.inference_mode()
 def position_features(
     classifier: SurfaceClassifier, name: str, rows: Sequence[Recording], store: Store
@@ -120,10 +146,9 @@ def position_features(
         yield classifier.embedding(name, load_recording(row, store)).cpu()
 
 
+@torch.inference_mode()
 def complete_card(
-    classifier: SurfaceClassifier,
-    parts: Split,
-    store: Store,
+    classifier: SurfaceClassifier, parts: Split, store: Store, engine: EngineConfig
 ) -> None:
     """Complete the card of a trained network by what is set on the validation fold.
 
@@ -136,32 +161,31 @@ def complete_card(
         classifier: Trained, on the device that computes.
         parts: Recordings by part.
         store: Decoded files.
+        engine: How the accelerated copy that computes scores and novelties differs.
     """
     samples = make_samples(parts.val, classifier.card.modalities)
+    fast, scores, validated = accelerate(classifier, engine), [], []
+    for sample in samples:
+        recordings = load_sample(sample, store)
+        outputs = fast.sense_outputs(**recordings).values()
+        seed = 0 if fast.fusion is None else fast.seed(**recordings)
+        scores.append(fast.fuse([output.partial_logits for output in outputs], seed))
+        validated.append([float(cast(Tensor, output.novelty)) for output in outputs])
     left_out: dict[str, list[float]] = classifier.card.training["left_out"]
     fitted = any(left_out.values()) and fits_probabilities(classifier)
-    card = calibrated_card(classifier, samples, store, fitted=fitted)
+    card = calibrated_card(classifier.card, samples, lambda: scores, fitted=fitted)
     if classifier.statistics and not card.novelties:
-        rows = [*_left_out(left_out, classifier, parts), *_validated(classifier, samples, store)]
+        rows = [*_left_out(left_out, classifier, parts), *validated]
         if rows:
             columns = zip(card.sense_names, map(list, zip(*rows, strict=True)), strict=True)
             card = replace(card, calibration={**card.calibration, NOVELTIES: dict(columns)})
     classifier.card = card
 
 
-@torch.inference_mode()
-def _validated(
-    classifier: SurfaceClassifier, samples: Sequence[Sample], store: Store
-) -> list[list[float]]:
-    """Return the novelties of every sample by all senses."""
-    outputs = [classifier.sense_outputs(**load_sample(sample, store)) for sample in samples]
-    return [[float(cast(Tensor, output.novelty)) for output in by.values()] for by in outputs]
-
-
 def _left_out(
     novelties: Mapping[str, Sequence[float]], classifier: SurfaceClassifier, parts: Split
 ) -> list[list[float]]:
-    """Return the same for samples of the training, as far as it was measured there."""
+    """Return the novelties of samples of the training by all senses, as far as they are known."""
     if not all(novelties.get(name) for name in classifier.card.sense_names):
         return []
     modalities = {name: sense.modality for name, sense in classifier.senses.items()}

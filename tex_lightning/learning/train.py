@@ -24,6 +24,7 @@ from tex_lightning.config import Config, ModelConfig
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import write_bytes
 from tex_lightning.core.progress import hidden
+from tex_lightning.data.banks import Bank, Indices
 from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatches
 from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.recordings import class_indices
@@ -31,7 +32,7 @@ from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
 from tex_lightning.learning.module import SurfaceModule, start_fusion
 from tex_lightning.learning.start import start_network
-from tex_lightning.learning.statistics import complete_card, keep_statistics
+from tex_lightning.learning.statistics import complete_card, embedding_banks, keep_statistics
 from tex_lightning.learning.trainer import (
     ProgressBar,
     build_callbacks,
@@ -84,7 +85,8 @@ def train_network(
     device = pick_device(config.trainer.accelerator)
     torch.manual_seed(config.seed)
     module = make_module(config.model, card, config.seed)
-    batches = _make_batches(config.model, module, parts, store, unimodal, device)
+    module.engine = config.engine
+    batches = _make_batches(config, module, parts, store, unimodal, device)
     resumed, fit = _check_resumable(last), module.fit_config
     if not resumed:
         groups = [row.group_key for row in parts.train.of(card.modalities[0]).rows]
@@ -115,7 +117,7 @@ def make_module(model: ModelConfig, card: Card, seed: int) -> SurfaceModule:
 
 
 def _make_batches(
-    model: ModelConfig,
+    config: Config,
     module: SurfaceModule,
     parts: Split,
     store: Store,
@@ -126,14 +128,22 @@ def _make_batches(
 
     A FusionNet gets the weights of its networks before, whose features have learnt already.
     """
+    fit, seed, classifier = module.fit_config, module.seed, module.classifier
     if unimodal:
-        start_fusion(module, unimodal, model.fusion.head_start)
-    fit, seed, classifier, banks = module.fit_config, module.seed, module.classifier, {}
+        start_fusion(module, unimodal, config.model.fusion.head_start)
+    if module.is_frozen:
+        frozen = classifier.to(device)
+        module.embeddings = embedding_banks(frozen, parts.train, store, config.engine)
+        classifier.cpu()
+    banks: dict[str, tuple[Bank, Indices]] = {}
     for name, sense in classifier.senses.items():
-        sense.features.to(device)
         rows = parts.train.of(sense.modality).rows
         labels = np.array(class_indices([row.label for row in rows], classifier.card.classes))
-        recipe, size = {**model.fit_values(name), **fit}, module.pieces[name]
+        if module.is_frozen:
+            banks[name] = module.embeddings[name], labels
+            continue
+        sense.features.to(device)
+        recipe, size = {**config.model.fit_values(name), **fit}, module.pieces[name]
         bank = sense.bank(rows, store, recipe, size=size, seed=seed, learn=not unimodal)
         banks[name] = bank, labels
     return TrainingBatches(banks, fit["batch_size"], seed)
@@ -213,8 +223,10 @@ def _complete(
 ) -> None:
     """Add statistics of the features, and to the card what is known once the weights are."""
     begin, classifier = time.perf_counter(), module.classifier.to(device)
-    frozen = not module.fit_config["epochs"]
-    left_out = keep_statistics(classifier, parts.train, store, config.engine, frozen=frozen)
+    frozen = module.is_frozen or not module.fit_config["epochs"]
+    left_out = keep_statistics(
+        classifier, parts.train, store, config.engine, module.embeddings, frozen=frozen
+    )
     fixed = all(start.card.training["left_out"] for start in unimodal.values())
     if not (frozen and fixed):  # layers before the scores know the recordings
         left_out = {}
@@ -223,7 +235,7 @@ def _complete(
         part.to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]  # no stub
     training = {"fit_seconds": seconds, "val_loss": loss, "left_out": left_out}
     classifier.card = replace(classifier.card, training=training)
-    complete_card(classifier, parts, store)
+    complete_card(classifier, parts, store, config.engine)
     module.hparams["card"] = classifier.cpu().card.to_dict()
 
 

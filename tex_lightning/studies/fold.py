@@ -25,7 +25,7 @@ from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.data.folds import Split, make_samples, split
 from tex_lightning.data.quality import training_ranges
 from tex_lightning.data.recordings import Recordings, class_indices
-from tex_lightning.data.store import Store, load_recording
+from tex_lightning.data.store import Store, load_recording, load_sample
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.calibration import calibrated_card
 from tex_lightning.evaluation.outcomes import RANDOM, write_results
@@ -82,7 +82,11 @@ def fit_baseline(
     seconds = time.perf_counter() - begin
     try_baseline(classifier, [load_recording(row, store) for row in rows[:2]])
     validation = make_samples(parts.val, card.modalities)
-    card = calibrated_card(classifier, validation, store)
+    card = calibrated_card(
+        classifier.card,
+        validation,
+        lambda: [classifier.logits(**load_sample(sample, store)) for sample in validation],
+    )
     classifier.card = replace(card, training={"fit_seconds": seconds})
     classifier.save(final)
     return classifier
@@ -256,7 +260,10 @@ def complete_recipe(
         UserError: If its trunk cannot be used or has seen what is to be tested.
     """
     rows, starts = parts.train, [start.card for start in unimodal.values()]
-    ranges = {name: training_ranges(rows.of(name), store) for name in card.modalities}
+    ranges = {name: known for start in starts for name, known in start.input_ranges.items()}
+    for name in card.modalities:
+        if name not in ranges:
+            ranges[name] = training_ranges(rows.of(name), store)
     branches = {name: start.card.senses[name] for name, start in unimodal.items()}
     card = replace(card, input_ranges=ranges, senses={**card.senses, **branches})
     source = None if card.baseline or starts else config.sources.get(card.kind)
