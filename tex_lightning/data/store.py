@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
+from threading import Lock
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -58,6 +59,7 @@ FINGERPRINT_BYTES = 65_536
 LAYOUT = 7  # of an entry: what an earlier version decoded otherwise is decoded anew
 UNREADABLE = (OSError, ValueError, EOFError)  # not there yet, or damaged by a full disk
 RATE_BYTES = 136  # of a number as .npy, which stands behind the array of a trace
+HEADERS = Lock()  # Python 3.11 parses one in two threads at once with a SystemError
 T = TypeVar("T")
 Decoded = tuple[npt.NDArray[Any], float | None]
 
@@ -244,7 +246,8 @@ def _map(entry: Path) -> npt.NDArray[Any]:
     """
     if not entry.is_file():  # a pipe would be waited for
         raise FileNotFoundError(entry)
-    array: npt.NDArray[Any] = np.load(entry, mmap_mode="r", allow_pickle=False)
+    with HEADERS:
+        array: npt.NDArray[Any] = np.load(entry, mmap_mode="r", allow_pickle=False)
     return array
 
 
