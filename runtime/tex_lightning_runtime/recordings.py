@@ -1,5 +1,6 @@
 """Recordings out of files and arrays, to what the graph takes, as ``task=predict`` has them."""
 
+import math
 import re
 import warnings
 from fractions import Fraction
@@ -11,6 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 Array = np.ndarray[Any, np.dtype[Any]]
 MIN_RATE, MAX_RATE = 19.0, 210_000.0  # Hz: 20 Hz to 200 kHz, by clocks that are not exact
+SAME_RATE = 0.005  # by which clocks of the same rate may differ; such samples stay as they are
 LARGEST = 1e9  # no unit of acceleration comes near; squares still fit float32
 MAX_SAMPLES = 1 << 29  # of a signal, 2 GiB of float32
 MAX_TEXT, MAX_LINE = 1 << 29, 1 << 20  # bytes of a file of text; letters of a line
@@ -113,7 +115,8 @@ def _unlike(sense: dict[str, Any], **measures: float) -> list[str]:
 def resample(x: Array, source: float, target: float) -> Array:
     """Bring signals (axes, samples) to another rate in Hz; equal to SciPy's to the last bit."""
     require(MIN_RATE <= source <= MAX_RATE, f"A rate of {source:g} Hz is far from 20 to 200,000.")
-    ratio = Fraction(target / source).limit_denominator(10_000)
+    same = math.isclose(source, target, rel_tol=SAME_RATE)
+    ratio = Fraction(1 if same else target / source).limit_denominator(10_000)
     count, most = int(x.size * ratio), f"the most are {MAX_SAMPLES:,}; correct the rate"
     require(count <= MAX_SAMPLES, f"At {source:g} Hz there would be {count:,} samples, {most}.")
     (up, down), dtype = ratio.as_integer_ratio(), x.dtype.type

@@ -12,6 +12,7 @@ from tex_lightning.data.decode import (
     as_photo,
     as_trace,
     halve,
+    to_rate,
 )
 from tex_lightning.data.traces import axis_files
 from tex_lightning.errors import UserError
@@ -248,3 +249,9 @@ def test_more_than_anyone_records_is_refused(tmp_path, capfd, monkeypatch):
     assert SIGNAL.decode(tmp_path / "a.npy", rate=5000)[0].shape == (1, 1400)
     with pytest.raises(UserError, match="would become 3500 samples at 10000 Hz; correct that rate"):
         SIGNAL.decode(tmp_path / "a.npy", rate=2000)
+
+
+@pytest.mark.parametrize(("source", "resampled"), [(35.606, False), (35.868, True), (71.2, True)])
+def test_samples_of_nearly_the_same_rate_stay_as_they_are(source, resampled):
+    trace = np.full((1, 200), 400.0, dtype=np.float32)  # with a level, which resampling bends
+    assert (to_rate(trace, source, 35.624, "it").tobytes() != trace.tobytes()) == resampled

@@ -70,7 +70,7 @@ def test_a_truncated_wav_file_is_refused_in_one_sentence(node, tmp_path):
     assert said == "a.wav cannot be read: truncated: 50 of 200 bytes are missing."
 
 
-RATES = [(44_100, 10_000), (48_000, 10_000), (2_200, 10_000), (10_000, 3_333.3)]
+RATES = [(44_100, 10_000), (48_000, 10_000), (2_200, 10_000), (10_000, 3_333.3), (9_960, 10_000)]
 
 
 @pytest.mark.parametrize("kind", [np.float32, np.float64])

@@ -33,6 +33,7 @@ IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 IMAGE_FORMATS = ("JPEG", "PNG", "BMP", "TIFF", "WEBP")  # whatever a name says; EPS starts a program
 MAX_PIXELS, MAX_SIDE = 1 << 24, 1 << 12  # of a photo that is kept, after halving
 LARGEST = 1e9  # no unit of acceleration comes near; squares still fit float32
+SAME_RATE = 0.005  # by which clocks of the same rate may differ; such samples stay as they are
 RATE_TOLERANCE = 0.01  # by which a rate that is stated may differ from that of a column of time
 MIN_RATE, MAX_RATE = 19.0, 210_000.0  # Hz: 20 Hz to 200 kHz, by clocks that are not exact
 Array = npt.NDArray[Any]
@@ -212,7 +213,10 @@ def to_rate(trace: npt.NDArray[np.floating], source: float, target: float, name:
 
 
 def rate_ratio(source: float, target: float, name: str) -> Fraction:
-    """Ratio of the number of samples at ``target`` Hz to that at ``source`` Hz.
+    """Return the ratio of the number of samples at ``target`` Hz to that at ``source`` Hz.
+
+    It is 1 for rates that differ by less than half a percent, as those that a sensor's clock gives
+    from one recording to the next.
 
     Raises:
         UserError: If ``source`` is no rate of a signal, beginning with ``name``.
@@ -223,7 +227,8 @@ def rate_ratio(source: float, target: float, name: str) -> Fraction:
             "20 Hz to 200 kHz; correct it (data.file_rate where it is assumed; a column of time "
             "that is not in seconds is called time_ms or time_us)."
         )
-    return Fraction(target / source).limit_denominator(10_000)
+    same = math.isclose(source, target, rel_tol=SAME_RATE)
+    return Fraction(1 if same else target / source).limit_denominator(10_000)
 
 
 def halve(photo: Photo) -> Photo:

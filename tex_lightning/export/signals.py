@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from torch.nn.functional import pad
 
 from tex_lightning.errors import UserError
-from tex_lightning.senses.features.proportions import FLOOR, BandProportions, compared, hop_length
+from tex_lightning.senses.features.proportions import BandProportions, hop_length
 from tex_lightning.senses.features.spectrogram import (
     IMPACT_FACTOR,
     KNOWN_SECONDS,
@@ -202,8 +202,9 @@ class ProportionsGraph(nn.Module):
         centred = trace - trace.mean(dim=-1, keepdim=True)
         responses = []
         for index, power in zip(features.used, self.powers, strict=True):
-            bands = (power(centred) / features.level + FLOOR).log().T
-            responses.append(compared(bands, features.gaps[index]))
+            axes = centred[:, None] if features.apart else centred[None]
+            bands = torch.stack([power(part).T for part in axes])
+            responses.append(features.compare(bands, index))
         frames = responses[features.used.index(features.longest)].shape[0]
         fragments = self._fragments(samples, frames)
         return features.join(responses, trace, fragments)

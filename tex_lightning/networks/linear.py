@@ -6,6 +6,7 @@ moment: ridge regression of the classes on the features, as in MiniRocket (Demps
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import product
 
 import scipy  # whose parts are loaded when they are used
 import torch
@@ -18,7 +19,7 @@ MIN_DEVIATION = 1e-3  # of a feature; one that hardly varies says nothing
 SHARPNESS = 10.0  # of scores from about 0 to 1, to begin with
 STRENGTHS = (0.001, 0.01, 0.1, 1.0)  # of the ridge
 LEVEL_SHRINKAGE = 0.001  # of the scatter of levels within classes, in their mean variance
-OPTIONAL = "power"  # kind of block that is left out unless it helps
+OPTIONAL = ("power", "axes")  # kinds of blocks that are left out unless they help
 WHITENED = "level"  # kind of block whose features vary together, as under another pressure
 MAX_ROWS = 2000  # that strength and blocks are chosen on
 
@@ -38,8 +39,9 @@ class LinearNet(nn.Module):
     the classes' mean scores in units of the scatter within classes, which is shrunk towards equal
     scatter.
 
-    The strength of the ridge, and whether blocks of the kind ``power`` are used, are chosen on the
-    training recordings: by the squared error on groups of them that are left out of the fit.
+    The strength of the ridge, and whether blocks of the kinds ``power`` and ``axes`` are used, are
+    chosen on the training recordings: by the squared error on groups of them that are left out of
+    the fit.
 
     Args:
         classes: Number of materials.
@@ -181,11 +183,13 @@ class LinearNet(nn.Module):
         return choice
 
     def _subsets(self) -> Iterator[Tensor]:
-        """Yield which features (D,) are used: without the optional blocks, then all."""
-        basic = ~self._are(OPTIONAL)
-        if basic.any() and not basic.all():
-            yield torch.repeat_interleave(basic, self.sizes).double()
-        yield torch.ones(int(self.sizes.sum()), dtype=torch.float64)
+        """Yield which features (D,) are used: with every choice of optional blocks, none first."""
+        kinds = [kind for kind in OPTIONAL if self._are(kind).any()]
+        for wanted in product((False, True), repeat=len(kinds)):
+            left_out = {kind for kind, use in zip(kinds, wanted, strict=True) if not use}
+            kept = torch.tensor([kind not in left_out for kind, _ in self.blocks])
+            if kept.any():
+                yield torch.repeat_interleave(kept, self.sizes).double()
 
 
 def _rows(

@@ -28,6 +28,11 @@ def noise(seconds: float, rate: float = 2000.0, seed: int = 0, axes: int = 1) ->
     return torch.randn(axes, round(seconds * rate), generator=generator)
 
 
+def of_kind(features: BandProportions, *kinds: str) -> torch.Tensor:
+    """Which features (D,) belong to blocks of the kinds."""
+    return torch.tensor([kind in kinds for kind, size in features.blocks for _ in range(size)])
+
+
 @pytest.mark.parametrize("rate", [1000.0, 2200.0, 10_000.0, 44_100.0])
 @pytest.mark.parametrize("seconds", WINDOWS)
 def test_bands_are_means_over_channels_from_one_period_to_half_the_rate(rate, seconds):
@@ -64,6 +69,7 @@ def test_half_of_the_frames_stand_above_the_middle_of_an_even_number_of_threshol
     features, traces = make(), [noise(4, seed=seed) for seed in range(6)]
     features.learn(traces)
     shares = torch.cat([features(trace)[0, 0] for trace in traces], dim=1)
+    shares = shares[of_kind(features, "shape", "power")]
     by_threshold = shares.reshape(-1, 8, shares.shape[1]).mean(dim=(0, 2))
     expected = 1 - (torch.arange(8) + 0.5) / 8
     torch.testing.assert_close(by_threshold, expected, atol=0.03, rtol=0)
@@ -73,20 +79,46 @@ def test_blocks_name_all_features_in_their_order():
     features = make(levels=2)
     features.learn([noise(4, axes=2)])
     kinds = [kind for kind, _ in features.blocks]
-    assert kinds == [*["shape"] * 3, "power"] * 2 + ["level"] * 2
+    window = [*["shape"] * 3, "power", *["axes"] * 4, *["mean"] * 2, "deviation"]
+    assert kinds == window * 2 + ["level"] * 2
     assert sum(size for _, size in features.blocks) == features.bands
     assert features(noise(4, axes=2)).shape[2] == features.bands
+
+
+def test_means_and_deviations_are_those_of_the_frames():
+    features, trace = make(levels=2, fragment_seconds=9), noise(3, axes=2)
+    features.learn([trace])
+    output, responses = features(trace)[0, 0, :, 0], features.responses(trace, 0).numpy()
+    bands = len(features.filters0.T)
+    means, deviations = of_kind(features, "mean"), of_kind(features, "deviation")
+    expected = responses[:, : 2 * bands - 1]
+    np.testing.assert_allclose(output[means][: 2 * bands - 1], expected.mean(axis=0), atol=1e-5)
+    together = responses[:, : 4 * bands - 1]
+    np.testing.assert_allclose(output[deviations][: 4 * bands - 1], together.std(axis=0), atol=1e-4)
+
+
+def test_an_axis_by_itself_is_compared_as_the_only_one_of_a_signal():
+    both, single = make(levels=2), make()
+    trace = noise(3, axes=2)
+    both.learn([trace])
+    single.level.copy_(both.level)
+    bands = len(single.filters0.T)
+    apart = both.responses(trace, 0)[:, 4 * bands - 1 :]
+    relative = apart[:, : 2 * bands].reshape(-1, 2, bands)
+    for axis in range(2):
+        expected = single.responses(trace[axis : axis + 1], 0)[:, :bands]
+        torch.testing.assert_close(relative[:, axis], expected)
+    assert apart.shape[1] == 2 * (4 * bands - 1)
 
 
 def test_neither_strength_nor_offset_nor_polarity_counts():
     features = make()
     features.learn([noise(4), noise(4, seed=1)])
     trace = noise(3, seed=2)
-    kinds = [kind for kind, size in features.blocks for _ in range(size)]
-    shape = torch.tensor([kind == "shape" for kind in kinds])
+    power = of_kind(features, "power")
     for other in (5 * trace, trace + 9.81, -trace):
-        assert (features(other) - features(trace))[:, :, shape].abs().mean() < 1e-3
-    assert (features(5 * trace) - features(trace))[:, :, ~shape].mean() > 0.1  # louder
+        assert (features(other) - features(trace))[:, :, ~power].abs().mean() < 1e-3
+    assert (features(5 * trace) - features(trace))[:, :, power].mean() > 0.1  # louder
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -129,6 +161,7 @@ def test_fragments_are_about_half_seconds(seconds, fragments):
     trace = noise(seconds, seed=3)
     shares = features(trace)
     assert shares.shape == (1, 1, features.bands, fragments)
+    shares = shares[:, :, of_kind(features, "shape", "power")]
     assert 0 <= shares.min() <= shares.max() <= 1 + 1e-6
 
 
@@ -136,8 +169,9 @@ def test_rows_of_a_fragment_are_the_frames_inside_of_it():
     features = make()
     quiet, loud = noise(2), torch.sin(2 * torch.pi * 300 * torch.arange(4000) / 2000)[None]
     features.learn([quiet, loud])
-    both = features(torch.cat((quiet, loud), dim=1))[0, 0]
-    alone = features(quiet)[0, 0]
+    shares = of_kind(features, "shape", "power")
+    both = features(torch.cat((quiet, loud), dim=1))[0, 0, shares]
+    alone = features(quiet)[0, 0, shares]
     torch.testing.assert_close(both[:, :3], alone[:, :3], atol=0.35, rtol=0)
     assert (both[:, 0] - both[:, -1]).abs().max() == 1
 

@@ -5,6 +5,7 @@ import { InputError } from "./errors.js";
 const REACH = 10; // samples of the lower rate that the filter sees on each side
 const BETA = 5; // of its Kaiser window
 const [MIN_RATE, MAX_RATE] = [19, 210000]; // Hz: 20 Hz to 200 kHz, by clocks that are not exact
+const SAME_RATE = 0.005; // by which clocks of the same rate may differ; such samples stay as they are
 const MAX_DENOMINATOR = 10000n;
 
 /**
@@ -50,7 +51,8 @@ export function rateRatio(source, target) {
   if (!(source >= MIN_RATE && source <= MAX_RATE)) {
     throw new InputError(`Its sampling rate is ${source} Hz; rates are 20 Hz to 200 kHz.`);
   }
-  return limitDenominator(...exactFraction(target / source));
+  const same = Math.abs(source - target) <= SAME_RATE * Math.max(source, target);
+  return limitDenominator(...exactFraction(same ? 1 : target / source));
 }
 
 /** A double as the fraction that it is. */

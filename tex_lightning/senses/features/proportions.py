@@ -29,7 +29,9 @@ LIMITS = {"windows": 16, "bands_per_octave": 48, "thresholds": 64, "levels": 64}
 KEPT = 50_000  # frames, about, that thresholds are learnt from: enough for quantiles
 FLOOR = 1e-7  # of the mean power of the training set; below it the logarithm is flat
 QUIET = 1e-3  # of a channel's usual deviation, likewise
-SHAPE, POWER, LEVEL = "shape", "power", "level"
+MOST_APART = 8  # axes of a slow signal whose bands also count one by one
+SHAPE, POWER, AXES = "shape", "power", "axes"  # kinds of blocks of proportions
+MEAN, DEVIATION, LEVEL = "mean", "deviation", "level"
 
 
 class BandProportions(nn.Module):
@@ -44,10 +46,18 @@ class BandProportions(nn.Module):
       matters;
     - ``power``: with the mean power of the training set.
 
-    Thresholds are quantiles over the training set, without labels. A slow signal also has a block
-    ``level`` with the mean and the logarithm of the deviation of each channel; where all training
-    samples of a channel are positive, as of a pressure, the mean is a logarithm too, so that a gain
-    becomes a constant.
+    Thresholds are quantiles over the training set, without labels. Beyond the outer ones a
+    proportion is 0 or 1, so the means of the first two comparisons are features as well, of the
+    kind ``mean``.
+
+    A slow signal has few frames, and its direction and level often tell the class. Its further
+    blocks are
+
+    - ``deviation``: the deviations of all four comparisons;
+    - ``axes``: the same proportions of every axis by itself, of 2 to 8 axes;
+    - ``level``: mean and logarithm of the deviation of each channel; where all training samples of
+      a channel are positive, as of a pressure, the mean is a logarithm too, so that a gain becomes
+      a constant.
 
     Args:
         sampling_rate: Rate of the signals in Hz.
@@ -100,8 +110,11 @@ class BandProportions(nn.Module):
             raise UserError("features.fragment_seconds has to be more than 0 s.")
         self.sampling_rate, self.skip_impact = sampling_rate, skip_impact
         self.fragment_seconds, self.levels = fragment_seconds, levels or 0
+        self.apart = self.levels if 1 < self.levels <= MOST_APART else 0
         self.lengths: list[int] = []
         self.gaps: list[int] = []
+        self.sizes: list[tuple[int, ...]] = []  # of the comparisons
+        self.widths: list[int] = []  # in features
         self.halves: list[tuple[slice, slice]] = []
         self.blocks: list[tuple[str, int]] = []
         for seconds, per_octave in zip(windows, bands_per_octave, strict=True):
@@ -137,12 +150,22 @@ class BandProportions(nn.Module):
         index, window = len(self.lengths), torch.hann_window(length, periodic=False)
         self.register_buffer(f"window{index}", window, persistent=False)
         self.register_buffer(f"filters{index}", filters.T.contiguous(), persistent=False)
-        self.register_buffer(f"thresholds{index}", torch.zeros(thresholds, 4 * bands - gap))
+        sizes = (bands, bands - gap, bands, bands)
+        self.register_buffer(
+            f"thresholds{index}", torch.zeros(thresholds, sum(sizes) * (1 + self.apart))
+        )
         self.lengths.append(length)
         self.gaps.append(gap)
         self.halves.append((_reach(filters[: bands // 2]), _reach(filters[bands // 2 :])))
-        sizes = (SHAPE, bands), (SHAPE, bands - gap), (SHAPE, bands), (POWER, bands)
-        self.blocks += [(kind, size * thresholds) for kind, size in sizes]
+        before = sum(size for _, size in self.blocks)
+        kinds = (SHAPE, SHAPE, SHAPE, POWER)
+        self.blocks += zip(kinds, (size * thresholds for size in sizes), strict=True)
+        if self.apart:
+            self.blocks += [(AXES, size * thresholds * self.apart) for size in sizes]
+        self.blocks += [(MEAN, size) for size in sizes[:2]]
+        self.blocks += [(DEVIATION, sum(sizes))] if self.levels else []
+        self.sizes.append(sizes)
+        self.widths.append(sum(size for _, size in self.blocks) - before)
 
     def _note_windows(self, *_: object) -> None:
         """Keep which windows are used, also after weights were loaded."""
@@ -179,18 +202,29 @@ class BandProportions(nn.Module):
             movement: (axes, samples).
             index: Number of the window.
         """
-        length, gap = self.lengths[index], self.gaps[index]
+        length = self.lengths[index]
         window, filters = self.get_buffer(f"window{index}"), self.get_buffer(f"filters{index}")
         frames = movement.unfold(-1, length, hop_length(length))
         frames = (frames - frames.mean(dim=-1, keepdim=True)).mul_(window)
         squares = torch.view_as_real(torch.fft.rfft(frames)).square_()
-        power = (squares[..., 0] + squares[..., 1]).sum(dim=0)
+        power = squares[..., 0] + squares[..., 1]
+        power = power if self.apart else power.sum(dim=0, keepdim=True)
         low, high = self.halves[index]  # low bands are most of all, and take few frequencies
         half = filters.shape[1] // 2
-        sums = power[:, low] @ filters[low, :half], power[:, high] @ filters[high, half:]
-        scale = window.sum().square() * self.level
-        bands = (torch.cat(sums, dim=1) / scale).add_(FLOOR).log_()
-        return compared(bands, gap)
+        sums = power[..., low] @ filters[low, :half], power[..., high] @ filters[high, half:]
+        return self.compare(torch.cat(sums, dim=-1) / window.sum().square(), index)
+
+    def compare(self, power: Tensor, index: int) -> Tensor:
+        """Compare the power of bands in four ways: of all axes together, and of each if they count.
+
+        Args:
+            power: (axes, frames, bands).
+            index: Number of the window.
+        """
+        together = power.sum(dim=0, keepdim=True)
+        logs = [(part / self.level).add_(FLOOR).log_() for part in (together, power)]
+        responses = [compared(bands, self.gaps[index]) for bands in logs[: 1 + bool(self.apart)]]
+        return torch.cat(responses, dim=1)
 
     def learn(self, traces: Iterable[Tensor]) -> None:
         """Take level, thresholds, and which windows fit, from the training set.
@@ -259,11 +293,29 @@ class BandProportions(nn.Module):
             limits = self.get_buffer(f"thresholds{index}")
             if index in by_window:
                 parts.append(proportions(by_window[index], limits, fragments))
+                parts.append(self._moments(by_window[index], index, fragments))
             else:
-                parts.append(limits.new_zeros(limits.numel(), fragments))
+                parts.append(limits.new_zeros(self.widths[index], fragments))
         if self.levels:
             parts.append(self._levels(movement, fragments))
         return torch.cat(parts)[None, None]
+
+    def _moments(self, responses: Tensor, index: int, fragments: int) -> Tensor:
+        """Return means of two comparisons, and where levels count deviations of all (D, fragments).
+
+        Args:
+            responses: (frames, channels).
+            index: Number of the window.
+            fragments: Number of equal fragments.
+        """
+        member, bands = membership(responses.shape[0], fragments, responses), self.sizes[index]
+        means = responses[:, : sum(bands[:2])].T @ member
+        if not self.levels:
+            return means
+        together = responses[:, : sum(bands)]
+        offsets = together - together.mean(dim=0)
+        variance = offsets.square().T @ member - (offsets.T @ member).square()
+        return torch.cat((means, variance.clamp_min(0).sqrt()))
 
     def _levels(self, movement: Tensor, fragments: int) -> Tensor:
         """Return mean and logarithm of the deviation of each channel (2 * levels, fragments)."""
@@ -281,14 +333,18 @@ def hop_length(length: int) -> int:
 
 
 def compared(bands: Tensor, gap: int) -> Tensor:
-    """Return log bands (frames, bands) in the four comparisons, side by side.
+    """Return log bands (axes, frames, bands) in the four comparisons, side by side.
 
     With the mean of the frame, with the band ``gap`` below, with the same band one window earlier
     (the first frames with the first), and as they are.
+
+    Returns:
+        (frames, channels); of each comparison all axes.
     """
-    earlier = bands[(torch.arange(bands.shape[0], device=bands.device) - OVERLAP).clamp_min(0)]
-    relative, steps = bands - bands.mean(dim=1, keepdim=True), bands[:, gap:] - bands[:, :-gap]
-    return torch.cat((relative, steps, bands - earlier, bands), dim=1)
+    earlier = (torch.arange(bands.shape[1], device=bands.device) - OVERLAP).clamp_min(0)
+    relative, steps = bands - bands.mean(dim=2, keepdim=True), bands[..., gap:] - bands[..., :-gap]
+    comparisons = relative, steps, bands - bands[:, earlier], bands
+    return torch.cat([part.transpose(0, 1).flatten(1) for part in comparisons], dim=1)
 
 
 def proportions(responses: Tensor, limits: Tensor, fragments: int) -> Tensor:
