@@ -26,8 +26,14 @@ from tex_lightning.data.folds import make_samples
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.store import Store, cache_root, load_sample
 from tex_lightning.errors import UserError
-from tex_lightning.export.check import Sample, compare, decoded, noise_sample
-from tex_lightning.export.onnx_file import make_onnx, onnx_runner
+from tex_lightning.export.onnx_file import (
+    Sample,
+    compare,
+    decoded,
+    make_onnx,
+    noise_sample,
+    onnx_runner,
+)
 
 log = logging.getLogger(__name__)
 

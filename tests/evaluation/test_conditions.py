@@ -7,8 +7,7 @@ from scipy.stats import binomtest
 
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording
-from tex_lightning.evaluation.conditions import by_condition, pool_conditions
-from tex_lightning.evaluation.outcomes import Outcome
+from tex_lightning.evaluation.outcomes import Outcome, by_condition, pool_conditions
 
 
 def sample(number: int, **senses: dict[str, str]) -> Sample:

@@ -14,13 +14,13 @@ from tex_lightning.data.folds import Sample
 from tex_lightning.evaluation.outcomes import (
     Outcome,
     read_outcomes,
+    run_test,
     summarise,
     vote_counts,
     wilson_interval,
     worst_samples,
     write_outcomes,
 )
-from tex_lightning.evaluation.samples import run_test
 
 CLASSES = ["a", "b", "c"]
 LABELS = st.lists(st.tuples(st.sampled_from(CLASSES), st.sampled_from(CLASSES)), min_size=1)

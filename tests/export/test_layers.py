@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import nn
 
-from tex_lightning.export.layers import CeilMaxPool, exportable
+from tex_lightning.export.graph import CeilMaxPool, exportable
 from tex_lightning.networks.hapticnet import HapticNet
 
 

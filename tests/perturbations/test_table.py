@@ -22,7 +22,6 @@ from tex_lightning.perturbations.table import (
 
 RATE = 10_000.0
 TABLE = perturbations()
-SINGLE = [each for each in TABLE.values() if each.modality != "both"]
 # shapes change, or chance decides about whole recordings: a distance says nothing of these
 RESHAPED = {"wrong_rate", "stroke_velocity", "impact_left_in", "shorter_trace",
             "scale_up", "scale_down"}  # fmt: skip
@@ -54,7 +53,7 @@ def power(samples: np.ndarray) -> float:
     return float(((samples - samples.mean()) ** 2).mean())
 
 
-@pytest.mark.parametrize("perturbation", SINGLE, ids=lambda each: each.name)
+@pytest.mark.parametrize("perturbation", TABLE.values(), ids=lambda each: each.name)
 def test_recordings_keep_their_type_and_the_original_is_left_alone(perturbation):
     clean = recording(perturbation)
     before = clean.copy()
@@ -70,7 +69,7 @@ def test_recordings_keep_their_type_and_the_original_is_left_alone(perturbation)
 
 @pytest.mark.parametrize(
     "perturbation",
-    [each for each in SINGLE if each.name not in RESHAPED | TURNED],
+    [each for each in TABLE.values() if each.name not in RESHAPED | TURNED],
     ids=lambda each: each.name,
 )
 def test_severer_is_further_from_the_original(perturbation):
@@ -167,11 +166,9 @@ def test_a_users_table_names_any_modality(tmp_path):
     found = own(
         tmp_path,
         f"force: {{weaker: {{function: quieter, {LEVELS}}}}}\n"
-        f"thermal: {{hot: {{function: tex_lightning.perturbations.pixels.darkness, {LEVELS}}}}}\n"
-        f"both: {{force_missing: {{{LEVELS}}}}}\n",
+        f"thermal: {{hot: {{function: tex_lightning.perturbations.pixels.darkness, {LEVELS}}}}}\n",
     )
-    assert [each.modality for each in found.values()] == ["force", "thermal", "both"]
-    assert found["force_missing"].lacks == "force"
+    assert [each.modality for each in found.values()] == ["force", "thermal"]
     weaker = found["weaker"].apply(trace(), 2, scene())
     assert weaker == pytest.approx(trace() / 10**0.1)
     assert weaker.dtype == np.float32
@@ -186,7 +183,6 @@ def test_a_users_table_names_any_modality(tmp_path):
         (f"image: {{jpeg: {{function: darkness, {LEVELS}}}}}", "jpeg is the name of one"),
         (f"force: {{weak: {{function: weaker, {LEVELS}}}}}", "which is no function of the package"),
         (f"force: {{weak: {{{LEVELS}}}}}", "names weak, which is no function of the package"),
-        (f"both: {{force_lost: {{{LEVELS}}}}}", "is no MODALITY_missing"),
         (f"a: {{x: {{function: force, {LEVELS}}}}}\nb: {{x: {{function: force, {LEVELS}}}}}",
          "x is there twice"),
     ],
@@ -227,7 +223,7 @@ def test_what_is_held_out_cannot_be_trained_on():
     assert {"white_noise", "jpeg", "sound_low_pass"} <= names
     assert trainable("thermal") == ()
     left = [kind for name, kind in perturbations().items() if name not in names]
-    assert all(kind.held_out or kind.modality == "both" for kind in left)
+    assert all(kind.held_out for kind in left)
 
 
 @pytest.mark.parametrize("modality", ["haptic", "image", "sound"])

@@ -8,8 +8,8 @@ import pytest
 
 from tex_lightning.errors import UserError
 from tex_lightning.recording import recorder
-from tex_lightning.recording.recorder import Signal
 from tex_lightning.recording.sources import Source
+from tex_lightning.tasks.record import Signal
 
 
 def signal(rate, *pieces, timeout=1.0, **source):

@@ -7,7 +7,7 @@ from torch import nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.core.files import read_rows
-from tex_lightning.report.sample_figure import sample_figure
+from tex_lightning.studies.evaluate_checkpoint import sample_figure
 
 
 class Sides(nn.Module):

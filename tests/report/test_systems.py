@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes
-from tex_lightning.report.document import System, _against, accuracy_table, read_systems
+from tex_lightning.report.page import System, _against, accuracy_table, read_systems
 
 ENTRY = {"fit_seconds": 1.0, "parameters": 7}
 

@@ -5,7 +5,8 @@ import io
 import pytest
 from rich.console import Console
 
-from tex_lightning.report import frontier_chart, sweep, table
+from tex_lightning.report import sweep, table
+from tex_lightning.tasks import frontier
 
 CORRECT = {"correct": 98_765, "test_samples": 100_000, "vote_accuracy": 0.98765}
 NETWORK = {
@@ -25,7 +26,7 @@ RUN = {"task": "crossval", "model": "fusion", "data": "manifest", "classes": [*"
 def printed(monkeypatch):
     """What is printed on 80 columns."""
     console = Console(width=80, file=io.StringIO())
-    for module in (table, sweep, frontier_chart):
+    for module in (table, sweep, frontier):
         monkeypatch.setattr(module, "console", console)
 
     def read() -> str:

@@ -1,7 +1,6 @@
 """Labels of whole, perturbed and wrongly combined recordings."""
 
 from dataclasses import replace
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -60,37 +59,6 @@ def make(tmp_path):
     return system
 
 
-def asked(system: PerturbedSystem, perturbation: str, severity: float, monkeypatch) -> list:
-    """The recordings that samples are decided by."""
-    given = []
-
-    def label(rows, *_):
-        given.append(dict(rows))
-
-    monkeypatch.setattr(system.folds[0], "label", label)
-    system.decide(TABLE[perturbation], severity)
-    return given
-
-
-def test_a_system_meets_what_hits_a_modality_that_it_reads_beside_another(make):
-    def names(*senses: str) -> set[str]:
-        both = (each for each in TABLE.values() if each.modality == "both")
-        return {each.name for each in both if make(*senses).meets(each)}
-
-    assert names("haptic") == set()
-    either = {"haptic_missing", "image_missing"}
-    assert names("haptic", "visual") == either
-    assert names(*MODALITIES) == {*either, "sound_missing"}
-
-
-def test_a_share_lacks_a_modality_that_the_files_decide(make, monkeypatch):
-    system, table = make("haptic", "visual"), TABLE["haptic_missing"]
-    found = asked(system, "haptic_missing", 2, monkeypatch)
-    for rows, sample in zip(found, system.folds[0].samples, strict=True):
-        chance = make_rng(0, table.name, *sample.recordings.values()).random()
-        assert ("haptic" in rows) == (chance >= table.value(2))
-
-
 def test_the_draws_of_a_sample_are_those_of_its_content_and_part(make):
     whole = make("haptic").folds[0].samples[0].recordings["haptic"]
     rows = [whole, *(replace(whole, part=part) for part in ((0, 0.5), (0.5, 1)))]
@@ -100,21 +68,20 @@ def test_the_draws_of_a_sample_are_those_of_its_content_and_part(make):
 
 
 @pytest.mark.parametrize("level", ["fc2", "fc3"])
-def test_any_of_three_senses_decide_as_the_part_of_them(make, level):
+def test_labels_are_those_of_the_classifier_for_the_same_recordings(make, level):
     system = make(*MODALITIES, level=level)
     (fold,) = system.folds
-    sample, classifier = fold.samples[0], fold.classifier
-    tensors = {
-        name: torch.from_numpy(np.array(fold.datasets[name].clean(row)))
-        for name, row in sample.recordings.items()
-    }
-    for count in (1, 2, 3):
-        for senses in combinations(MODALITIES, count):
-            part = {MODALITIES[sense]: tensors[MODALITIES[sense]] for sense in senses}
-            rows = {name: sample.recordings[name] for name in part}
-            expected = classifier.with_senses(senses).classify(**part).label
-            assert fold.label(rows) == expected
-    assert system.decide()[0] == classifier.classify(**tensors).label
+    for perturbation in (None, TABLE["white_noise"], TABLE["jpeg"]):
+        labels = []
+        for sample in fold.samples:
+            rows = sample.recordings
+            arrays = {name: fold.datasets[name].clean(rows[name]) for name in rows}
+            if perturbation is not None:
+                name = perturbation.modality
+                arrays[name] = fold.datasets[name].perturbed(rows[name], perturbation, 3)
+            tensors = {name: torch.from_numpy(np.array(array)) for name, array in arrays.items()}
+            labels.append(fold.classifier.classify(**tensors).label)
+        assert system.decide(perturbation, 3) == labels
 
 
 def test_what_is_too_small_is_refused_and_not_guessed(make, monkeypatch):

@@ -13,7 +13,7 @@ from conftest import RATE, make_photo, make_trace
 from PIL import Image
 
 from tex_lightning.data.recordings import read_manifest
-from tex_lightning.recording.recorder import Signal
+from tex_lightning.tasks.record import Signal
 
 OAK = ("record.label=oak", f"record.haptic.rate={RATE}")
 

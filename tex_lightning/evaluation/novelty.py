@@ -9,8 +9,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store
 from tex_lightning.evaluation.calibration import auroc, confidences
-from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes
-from tex_lightning.evaluation.samples import run_test
+from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, run_test, write_outcomes
 
 # Known and unknown samples of one network, and the novelty above which it says unknown.
 Tested = tuple[Sequence[Outcome], Sequence[Outcome], float | None]

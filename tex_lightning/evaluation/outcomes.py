@@ -1,11 +1,12 @@
-"""Outcomes per sample, confusion matrices and intervals of them, and ``results.json``."""
+"""Outcomes of samples classified one at a time, intervals of them, and ``results.json``."""
 
 import json
 import math
 import os
 import platform
 import subprocess
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from importlib.metadata import version
 from pathlib import Path
@@ -17,7 +18,16 @@ import scipy  # whose parts are loaded when they are used
 import torch
 
 from tex_lightning import __version__
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.vote import Vote
+from tex_lightning.core.devices import synchronise
 from tex_lightning.core.files import read_rows, write_rows, write_text
+from tex_lightning.core.progress import track
+from tex_lightning.data.folds import Sample, comparable
+from tex_lightning.data.recordings import natural_key
+from tex_lightning.data.store import Store, load_sample
+from tex_lightning.errors import UserError
+from tex_lightning.text import to_json
 
 RANDOM = "random weights"  # in place of the file that weights came from
 FILES = "files"
@@ -184,3 +194,129 @@ def vote_counts(outcomes: Sequence[Outcome], classes: list[str]) -> Counts:
     for outcome in outcomes:
         matrix[index[outcome.label], index[outcome.predicted]] += 1
     return matrix
+
+
+KEY = "conditions"  # of a network's entry in results.json
+
+Votes = tuple[str, str, int, int]  # name, value, correct, test samples
+
+
+def by_condition(samples: Sequence[Sample], outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """Part of a network's entry of ``results.json``; empty where nothing has conditions.
+
+    A sample of several senses has the conditions of all its recordings.
+
+    Args:
+        samples: What was tested.
+        outcomes: What became of each.
+
+    Returns:
+        Under ``conditions``, by name and by value: ``correct``, ``test_samples``,
+        ``vote_accuracy`` and Wilson's ``vote_ci95``.
+    """
+    votes: list[Votes] = []
+    for sample, outcome in zip(samples, outcomes, strict=True):
+        rows = sample.recordings.values()
+        given = dict.fromkeys(
+            (name, comparable(value)) for row in rows for name, value in row.conditions
+        )
+        votes += [(*each, int(outcome.label == outcome.predicted), 1) for each in given]
+    return _entry(votes)
+
+
+def pool_conditions(entries: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """Add up the counts of :func:`by_condition` over several folds."""
+    return _entry(
+        (name, value, counts["correct"], counts["test_samples"])
+        for entry in entries
+        for name, values in entry.get(KEY, {}).items()
+        for value, counts in values.items()
+    )
+
+
+def _entry(votes: Iterable[Votes]) -> dict[str, Any]:
+    totals: dict[str, dict[str, tuple[int, int]]] = {}
+    for name, value, correct, count in votes:
+        values = totals.setdefault(name, {})
+        before = values.get(value, (0, 0))
+        values[value] = before[0] + correct, before[1] + count
+    found = {
+        name: {value: counted(*values[value]) for value in sorted(values, key=natural_key)}
+        for name, values in totals.items()
+    }
+    return {KEY: found} if found else {}
+
+
+def counted(correct: int, count: int) -> dict[str, Any]:
+    """Counts of votes as an entry of ``results.json`` has them."""
+    return {
+        "correct": correct,
+        "test_samples": count,
+        "vote_accuracy": correct / count,
+        "vote_ci95": wilson_interval(correct, count),
+    }
+
+
+WARM_UP = 2
+NOT_TRAINED = -1  # index of a class that is none of the classifier's
+
+
+def classify_sample(
+    classifier: SurfaceClassifier, sample: Sample, store: Store
+) -> tuple[Vote, float]:
+    """Classify one sample; the time in ms runs from decoded recordings to the label.
+
+    Raises:
+        UserError: Naming the file, if a recording cannot be used.
+    """
+    recordings = load_sample(sample, store)
+    device = classifier.device
+    synchronise(device)
+    begin = time.perf_counter()
+    try:
+        vote = classifier.classify(**recordings)
+    except UserError as error:
+        files = [row.source for row in sample.recordings.values()]
+        raise UserError(f"{' and '.join(files)}: {error}") from error
+    synchronise(device)
+    return vote, (time.perf_counter() - begin) * 1000
+
+
+def run_test(
+    classifier: SurfaceClassifier,
+    samples: Sequence[Sample],
+    store: Store,
+    fold: int | None = None,
+) -> list[Outcome]:
+    """Classify every sample of a fold, one at a time."""
+    classes = classifier.card.classes
+    index = {name: number for number, name in enumerate(classes)}
+    for sample in samples[:WARM_UP]:
+        classify_sample(classifier, sample, store)
+    outcomes = []
+    for sample in track(samples, "Testing"):
+        vote, latency = classify_sample(classifier, sample, store)
+        truth = index.get(sample.label, NOT_TRAINED)
+        outcomes.append(
+            Outcome(
+                files={name: row.source for name, row in sample.recordings.items()},
+                label=sample.label,
+                predicted=classes[vote.label],
+                share=float(vote.shares[vote.label]),
+                fragments=len(vote.fragments),
+                correct_fragments=int((vote.fragments == truth).sum()),
+                latency_ms=latency,
+                votes=_votes(vote, classes),
+                relative_macs=vote.relative_macs,
+                probabilities=to_json(dict(zip(classes, vote.probabilities.tolist(), strict=True))),
+                novelty=math.nan if vote.novelty is None else vote.novelty,
+                group=" ".join({str(row.group): None for row in sample.recordings.values()}),
+                fold="" if fold is None else str(fold),
+            )
+        )
+    return outcomes
+
+
+def _votes(vote: Vote, classes: list[str]) -> str:
+    counts = vote.fragments.bincount(minlength=len(classes)).tolist()
+    return to_json({name: n for name, n in zip(classes, counts, strict=True) if n})

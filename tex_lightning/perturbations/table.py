@@ -16,8 +16,6 @@ from tex_lightning.errors import UserError, reason
 from tex_lightning.perturbations import pixels, traces
 from tex_lightning.perturbations.pixels import Array, Scene
 
-BOTH = "both"  # of samples that lack a modality
-MISSING = "_missing"  # ends the names of these
 SEVERITIES = (1, 2, 3, 4, 5)
 LARGEST = 1e30  # of a level; recordings are float32
 SCALES = Path(__file__).with_name("severities.yaml")
@@ -31,7 +29,7 @@ class Perturbation:
 
     Attributes:
         name: In ``severities.yaml``, unlike all others.
-        modality: What it changes, or :data:`BOTH`.
+        modality: What it changes.
         unit: Unit of its values.
         levels: Values of severity 0 (nearly harmless) to 5.
         log: Whether the scale between levels is even in logarithms.
@@ -51,11 +49,6 @@ class Perturbation:
     def is_users(self) -> bool:
         """Whether its function is a user's."""
         return self.function is not None and "." in self.function
-
-    @property
-    def lacks(self) -> str:
-        """Modality that samples of one of :data:`BOTH` lack."""
-        return self.name.removesuffix(MISSING)
 
     def value(self, severity: float) -> float:
         """The value, in ``unit``, of any severity from 0 to 5."""
@@ -91,7 +84,7 @@ class Perturbation:
 
 @cache
 def perturbations() -> dict[str, Perturbation]:
-    """Return all perturbations by name, modality by modality, those of :data:`BOTH` last."""
+    """Return all perturbations by name, modality by modality."""
     return _read(SCALES)
 
 
@@ -100,8 +93,7 @@ def read_severities(path: str | Path) -> dict[str, Perturbation]:
 
     Every line also names its ``function``, by a dotted path or one of the package. It takes a
     signal (axes, samples) float32 or a photo (height, width, 3) uint8, a value between two levels,
-    and a :class:`Scene`. Lines of :data:`BOTH`, which are MODALITY_missing,
-    have none.
+    and a :class:`Scene`.
 
     Raises:
         UserError: If the file, a line or a function cannot be used.
@@ -138,10 +130,7 @@ def _check(kind: Perturbation) -> None:
         raise ValueError(f"{kind.name} is the name of one of the package")
     if len(kind.levels) != 6 or not all(abs(level) < LARGEST for level in kind.levels):
         raise ValueError(f"{kind.name} has no six levels, each below {LARGEST:g}")
-    if kind.modality != BOTH:
-        _function(kind)
-    elif not kind.name.endswith(MISSING):
-        raise ValueError(f"{kind.name} is no MODALITY{MISSING}")
+    _function(kind)
 
 
 def _changed(kind: Perturbation, recording: Array, value: float, scene: Scene) -> Array:

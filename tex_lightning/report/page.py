@@ -1,23 +1,195 @@
-"""``report.html`` and ``report.md``: one context of a run folder, rendered twice."""
+"""``report.html`` and ``report.md``: one context of a run folder, rendered twice.
+
+Tables that compare systems are made of the run folders of their tests.
+"""
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from tex_lightning.core.files import read_rows, write_text
-from tex_lightning.report.document import comparison_tables, read_systems
+from tex_lightning.evaluation.comparison import mcnemar, pair
+from tex_lightning.evaluation.outcomes import Outcome, pool_conditions, read_outcomes, summarise
 from tex_lightning.report.table import (
+    POOLED,
     TINY,
+    Row,
     Table,
     condition_rows,
+    counted,
     facts,
     is_tiny,
+    paper_table,
     read_or_empty,
     run_overrides,
     run_settings,
 )
 from tex_lightning.text import render
+
+PAPER_DATA = ("tum", "kylberg", "kth_tips2b")
+DATA_TABLES = PAPER_DATA[1:]  # the paper has a table for each of them
+MAX_SETTINGS = 4  # that a label shows
+
+
+@dataclass(frozen=True)
+class System:
+    """One system and all its tests.
+
+    Attributes:
+        model: Name of its configuration.
+        kind: Its sense, or ``fusion``.
+        inside: The FusionNet that trained it as its part; empty for a system of its own.
+        data: Name of the data set's configuration.
+        variant: Settings by which it differs from other systems of the same model.
+        classes: Class names in order.
+        entries: Its entries of ``results.json``, one for each run.
+        outcomes: Outcomes of all runs together.
+    """
+
+    model: str
+    kind: str
+    inside: str
+    data: str
+    variant: str
+    classes: list[str]
+    entries: list[dict[str, Any]]
+    outcomes: list[Outcome]
+
+    @property
+    def label(self) -> str:
+        """Name in tables: that of the paper, if it has the system."""
+        rows = [row for name in self.tables for row in paper_table(name).get("rows", ())]
+        known = {row["model"]: row["label"] for row in rows}
+        name = str(known.get(self.model, self.model))
+        inside = f" inside {self.inside}" if self.inside else ""
+        return name + inside + (f" ({self.variant})" if self.variant else "")
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """Names of the paper's tables that may have it."""
+        return (self.data, self.kind) if self.data in DATA_TABLES else (self.kind,)
+
+
+def read_systems(runs: Iterable[Path]) -> list[System]:
+    """All systems that finished runs have tested; runs that differ in the fold alone are pooled.
+
+    Args:
+        runs: Run folders of ``fit``, ``crossval`` or ``evaluate``; others are passed over.
+    """
+    models: dict[tuple[str, ...], list[tuple[Path, dict[str, Any]]]] = {}
+    for run in runs:
+        results = read_or_empty(run / "results.json")
+        names = list(results.get("networks", {}))
+        for kind in names:
+            if "vote_accuracy" in results["networks"][kind]:
+                own = kind == names[-1]
+                model, inside = (results["model"], "") if own else (kind, results["model"])
+                models.setdefault((model, kind, inside, results["data"]), []).append((run, results))
+    systems = []
+    for key, members in models.items():
+        groups: dict[str, list[tuple[Path, dict[str, Any]]]] = {}
+        for member, variant in zip(members, _variants([run for run, _ in members]), strict=True):
+            groups.setdefault(variant, []).append(member)
+        systems += [_pool(key, variant, group) for variant, group in groups.items()]
+    return systems
+
+
+def _variants(runs: Sequence[Path]) -> list[str]:
+    """What each run of one model has set differently from the others."""
+    every = [run_settings(run) for run in runs]
+    keys = {key for settings in every for key in settings if not key.startswith(POOLED)}
+    differing = [key for key in keys if len({str(each.get(key)) for each in every}) > 1]
+    # the same value under a longer key was taken from the shorter one
+    differing.sort(key=lambda key: (key.count("."), key))
+    variants = []
+    for settings in every:
+        shown = {(key.rpartition(".")[2], str(settings.get(key))): key for key in differing[::-1]}
+        items = [f"{key}={value}" for (_, value), key in reversed(shown.items())]
+        held = [key.split(".")[2] for key in settings if key.startswith("data.test_where.")]
+        unseen = [f"unseen {' and '.join(dict.fromkeys(held))}"] if held else []
+        variants.append(", ".join([*items[:MAX_SETTINGS], *unseen]))
+    return variants
+
+
+def _pool(
+    key: tuple[str, ...], variant: str, members: Sequence[tuple[Path, dict[str, Any]]]
+) -> System:
+    model, kind, inside, data = key
+    entries = [results["networks"][kind] for _, results in members]
+    files = [run / "predictions" / f"{kind}.csv" for run, _ in members]
+    outcomes = [outcome for file in files for outcome in read_outcomes(file)]
+    return System(model, kind, inside, data, variant, members[0][1]["classes"], entries, outcomes)
+
+
+def comparison_tables(systems: Sequence[System]) -> list[Table]:
+    """Return every table that compares systems: accuracies, and votes by condition."""
+    groups: dict[str, list[System]] = {}
+    for system in systems:
+        groups.setdefault(system.tables[0], []).append(system)
+    tables = [
+        accuracy_table(name, [each for each in group if not each.inside] or group)
+        for name, group in groups.items()
+    ]
+    by_condition = {system.label: pool_conditions(system.entries) for system in systems}
+    tables.append(
+        Table(
+            "By condition",
+            condition_rows({label: entry for label, entry in by_condition.items() if entry}),
+            "A row that says unseen was trained without the conditions that it tested.",
+        )
+    )
+    return [table for table in tables if table.rows]
+
+
+def accuracy_table(name: str, systems: Sequence[System]) -> Table:
+    """A line for each system, with the paper's figures where these are of the same data."""
+    table = paper_table(name)
+    order = [row["model"] for row in table.get("rows", ())]
+    ordered = sorted(
+        systems,
+        key=lambda each: order.index(each.model) if each.model in order else len(order),
+    )
+    best = max(systems, key=lambda each: float(summarise(each.outcomes)["vote_accuracy"]))
+    paper = {row["model"]: row for row in table.get("rows", ()) if best.data in PAPER_DATA}
+    data, classes = ", ".join(sorted({each.data for each in systems})), len(best.classes)
+    text = f"Data: {data}, {classes} classes (chance {1 / classes:.1%})."
+    if paper:
+        text += f" The paper's: {table['data']}."
+    rows = [_line(each, best, {} if each.inside else paper.get(each.model, {})) for each in ordered]
+    return Table(table.get("title") or f"{name.capitalize()} classification", rows, text)
+
+
+def _line(system: System, best: System, paper: Mapping[str, Any]) -> Row:
+    ours = summarise(system.outcomes)
+    return {
+        "system": system.label,
+        "votes, paper": f"{paper['vote']:g} %" if "vote" in paper else "",
+        "votes": counted(ours),
+        "95 % interval": "{:.1%} to {:.1%}".format(*ours["vote_ci95"]),
+        "p against the best": "best" if system is best else _against(best, system),
+        "fragments, paper": f"{paper['fragment']:g} %" if "fragment" in paper else "",
+        "fragments": f"{ours['fragment_accuracy']:.1%}",
+        "ms a sample": f"{ours['latency_ms']['median']:.1f}",
+        "fit s": f"{sum(entry['fit_seconds'] for entry in system.entries):.1f}",
+        "parameters": f"{system.entries[0]['parameters']:,}",
+    }
+
+
+def _against(best: System, system: System) -> str:
+    """Return p of the exact McNemar test against the best row, with its counts.
+
+    A system of fewer senses is compared on its part of each sample; a dash stands where the
+    samples are others.
+    """
+    pairs = pair(system.outcomes, best.outcomes)
+    if pairs is None or len(pairs) < len(best.outcomes):
+        return "-"
+    _, own, others = zip(*pairs, strict=True)
+    only_best, only_own, p_value = mcnemar(others, own)
+    return f"{p_value:.2g} ({only_best}:{only_own})"
+
 
 TEMPLATES = Path(__file__).parent
 FILES = ("frontier.csv", "sweep.csv")

@@ -30,9 +30,9 @@ from tex_lightning.errors import UserError
 from tex_lightning.evaluation.calibration import calibrated_card
 from tex_lightning.evaluation.outcomes import RANDOM, write_results
 from tex_lightning.inference.prediction import taken
-from tex_lightning.learning.loggers import log_test, open_loggers
 from tex_lightning.learning.start import starting_classifier
 from tex_lightning.learning.train import checkpoint_of, train_network, train_once
+from tex_lightning.learning.trainer import log_test, open_loggers
 from tex_lightning.learning.trial import try_baseline, try_custom_parts, try_training
 from tex_lightning.studies.dataset import Dataset, open_dataset, show_opening
 from tex_lightning.studies.evaluate_checkpoint import (

@@ -1,27 +1,45 @@
-"""Test samples of a system, as they are or perturbed, and the labels that it gives them.
+"""Systems of ``task=stability``, their test samples as they are or perturbed, and their labels.
 
 A recording is perturbed once for all systems. Every sense computes its scores of a recording once,
 however many samples it is part of.
 """
 
 import zlib
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
 import torch
+from torch import Tensor
 
-from tex_lightning.classifier.classifier import SenseOutput, SurfaceClassifier
-from tex_lightning.data.folds import Sample
+from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.classifier.card import SUFFIX
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.config import Config, StabilityConfig
+from tex_lightning.config.keys import choice
+from tex_lightning.config.model import FUSION, kind_of
+from tex_lightning.core.devices import pick_device
+from tex_lightning.core.files import read_record
+from tex_lightning.core.run_folder import SETTINGS
+from tex_lightning.data.decode import Decoder
+from tex_lightning.data.folds import Sample, make_samples
 from tex_lightning.data.recordings import Recording, write_part
 from tex_lightning.data.store import Store, fingerprint
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import wilson_interval
+from tex_lightning.inference.engine import accelerate
 from tex_lightning.perturbations.pixels import Array, Scene
-from tex_lightning.perturbations.table import BOTH, Perturbation
+from tex_lightning.perturbations.table import (
+    SEVERITIES,
+    Perturbation,
+    perturbations,
+    read_severities,
+)
 from tex_lightning.report.stability_charts import StabilityRow
+from tex_lightning.studies.dataset import open_test_data, show_opening
 
 Labels = list[int | None]  # class index of each sample; None where the classifier refuses it
 
@@ -66,11 +84,12 @@ class PerturbedDataset:
 _fingerprint = cache(fingerprint)
 
 
-def make_rng(seed: int, name: str, *rows: Recording) -> np.random.Generator:
-    """The generator of one sample under one perturbation."""
-    prints = [int(_fingerprint(row.path), 16) for row in rows]
-    prints += [zlib.crc32(write_part(row.part).encode()) for row in rows if row.part]
-    return np.random.default_rng([seed, zlib.crc32(name.encode()), *prints])
+def make_rng(seed: int, name: str, row: Recording) -> np.random.Generator:
+    """Return the generator of one recording under one perturbation."""
+    identity = [int(_fingerprint(row.path), 16)]
+    if row.part:
+        identity.append(zlib.crc32(write_part(row.part).encode()))
+    return np.random.default_rng([seed, zlib.crc32(name.encode()), *identity])
 
 
 @dataclass
@@ -88,69 +107,43 @@ class SystemFold:
     classifier: SurfaceClassifier
     samples: list[Sample]
     datasets: Mapping[str, PerturbedDataset]
-    _parts: dict[tuple[str, ...], SurfaceClassifier] = field(default_factory=dict)
-    _clean: dict[tuple[object, ...], SenseOutput] = field(default_factory=dict)
-    _perturbed: dict[tuple[object, ...], SenseOutput] = field(default_factory=dict)
+    _clean: dict[tuple[str, Recording], Tensor] = field(default_factory=dict)
+    _perturbed: dict[tuple[str, Recording], Tensor] = field(default_factory=dict)
 
     def labels(self, perturbation: Perturbation | None = None, severity: float = 0) -> Labels:
-        """Label the samples, as they are or perturbed."""
+        """Label the samples, as they are or perturbed; None where one is refused."""
         self._perturbed = {}
-        if perturbation is not None and perturbation.modality == BOTH:
-            return [self._lacking(sample, perturbation, severity) for sample in self.samples]
-        return [self.label(each.recordings, perturbation, severity) for each in self.samples]
-
-    def _lacking(self, sample: Sample, perturbation: Perturbation, severity: float) -> int | None:
-        """Label a sample, a share of which lack a modality."""
-        rows = dict(sample.recordings)
-        seed = self.datasets[perturbation.lacks].seed
-        rng = make_rng(seed, perturbation.name, *rows.values())
-        if rng.random() < perturbation.value(severity):
-            del rows[perturbation.lacks]
-        return self.label(rows)
+        return [self._label(sample, perturbation, severity) for sample in self.samples]
 
     @torch.inference_mode()
-    def label(
-        self,
-        rows: Mapping[str, Recording],
-        perturbation: Perturbation | None = None,
-        severity: float = 0,
+    def _label(
+        self, sample: Sample, perturbation: Perturbation | None, severity: float
     ) -> int | None:
-        """Label one sample; senses whose modality is missing are left out.
+        classifier, recordings, partials = self.classifier, {}, []
+        for name, sense in classifier.senses.items():
+            row, known = sample.recordings[sense.modality], self._clean
+            if perturbation is not None and perturbation.modality == sense.modality:
+                known = self._perturbed
+            array = self._recording(row, perturbation, severity)
+            recordings[sense.modality] = torch.from_numpy(np.array(array))
+            if (name, row) not in known:
+                try:
+                    scores = classifier.partial_logits(name, recordings[sense.modality])
+                except UserError:
+                    return None
+                known[name, row] = scores
+            partials.append(known[name, row])
+        scores = classifier.fuse(partials, classifier.seed(**recordings))
+        return classifier.decide(scores, classifier.card.temperature).label
 
-        Args:
-            rows: The recordings, by modality.
-            perturbation: Changes those of its modality; None leaves all as they are.
-            severity: Severity of the perturbation.
-        """
-        part = self._part(rows)
-        recordings, outputs = {}, {}
-        for modality, row in rows.items():
-            dataset, changed = self.datasets[modality], self._clean
-            if perturbation is not None and perturbation.modality == modality:
-                recording, changed = dataset.perturbed(row, perturbation, severity), self._perturbed
-            else:
-                recording = dataset.clean(row)
-            recordings[modality] = torch.from_numpy(np.array(recording))
-            for name, sense in part.senses.items():
-                key = part.card.sense_names, name, row
-                if sense.modality == modality and key not in changed:
-                    try:
-                        changed[key] = part.sense_output(name, recordings[modality])
-                    except UserError:
-                        return None
-                if sense.modality == modality:
-                    outputs[name] = changed[key]
-        partials = [outputs[name].partial_logits for name in part.senses]
-        scores = part.fuse(partials, part.seed(**recordings))
-        return part.decide(scores, part.card.temperature).label
-
-    def _part(self, modalities: Iterable[str]) -> SurfaceClassifier:
-        """Return the classifier of the senses whose modalities are there."""
-        there, senses = {*modalities}, self.classifier.senses.items()
-        names = tuple(name for name, sense in senses if sense.modality in there)
-        if names not in self._parts:
-            self._parts[names] = self.classifier.with_senses(names)
-        return self._parts[names]
+    def _recording(
+        self, row: Recording, perturbation: Perturbation | None, severity: float
+    ) -> Array:
+        """Return a recording, perturbed if the perturbation is of its modality."""
+        dataset = self.datasets[row.modality]
+        if perturbation is None or perturbation.modality != row.modality:
+            return dataset.clean(row)
+        return dataset.perturbed(row, perturbation, severity)
 
 
 @dataclass
@@ -187,10 +180,7 @@ class PerturbedSystem:
 
     def meets(self, perturbation: Perturbation) -> bool:
         """Return whether the system reads what the perturbation changes."""
-        read = {*self.folds[0].classifier.card.modalities}
-        if perturbation.modality != BOTH:
-            return perturbation.modality in read
-        return perturbation.lacks in read and len(read) > 1
+        return perturbation.modality in self.folds[0].classifier.card.modalities
 
 
 def run_trial(system: PerturbedSystem, perturbation: Perturbation, severity: float) -> StabilityRow:
@@ -205,3 +195,117 @@ def run_trial(system: PerturbedSystem, perturbation: Perturbation, severity: flo
         system.name, perturbation.modality, perturbation.name, severity, count, correct / count,
         low, high, flips / count,
     )  # fmt: skip
+
+
+TestedCheckpoint = tuple[Path, int | None]  # its test fold is None for the configured one
+Datasets = dict[tuple[str, Decoder], PerturbedDataset]  # by modality and how it is decoded
+
+
+def load_systems(config: Config) -> list[PerturbedSystem]:
+    """Load every system with the test samples of each of its folds.
+
+    Args:
+        config: ``stability`` names the systems, ``data`` what they are tested on.
+
+    Raises:
+        UserError: If a folder or checkpoint cannot be used, knows other classes, or was trained on
+            what it would be tested on.
+    """
+    datasets: Datasets = {}
+    systems: list[PerturbedSystem] = []
+    for name in config.stability.systems or []:
+        path = Path(name).expanduser()
+        for kind, checkpoints in _checkpoints(path).items():
+            folds = [_load(config, *checkpoint, datasets) for checkpoint in checkpoints]
+            classifier = folds[0].classifier
+            title = _title(path, kind, classifier)
+            systems.append(PerturbedSystem(title, classifier.card.kind, folds))
+    counts, numbers = Counter(system.name for system in systems), Counter[str]()
+    for system in systems:  # those of one name get a number
+        numbers[title := system.name] += 1
+        system.name = f"{title} ({numbers[title]})" if counts[title] > 1 else title
+    return systems
+
+
+def choose_perturbations(
+    systems: Sequence[PerturbedSystem], settings: StabilityConfig
+) -> list[Perturbation]:
+    """Choose the perturbations asked for that some system meets; try those of the user.
+
+    Raises:
+        UserError: If a name is unknown, no system meets any, or a table cannot be used.
+    """
+    known = dict(perturbations())
+    for path in settings.severities:
+        known |= read_severities(path)
+    for name in settings.only or ():
+        if complaint := next(choice("stability.only", name, tuple(known)), None):
+            raise UserError(f"{complaint}.")
+    asked = [known[name] for name in settings.only or known]
+    chosen = [
+        perturbation
+        for perturbation in asked
+        if any(system.meets(perturbation) for system in systems)
+    ]
+    if not chosen:
+        names = ", ".join(perturbation.name for perturbation in asked)
+        raise UserError(f"No system meets {names}; choose other stability.only or systems.")
+    for perturbation in chosen:
+        if perturbation.is_users:
+            fold = next(system for system in systems if system.meets(perturbation)).folds[0]
+            row = fold.samples[0].recordings[perturbation.modality]
+            for severity in (SEVERITIES[0], SEVERITIES[-1]):
+                fold.datasets[perturbation.modality].perturbed(row, perturbation, severity)
+    return chosen
+
+
+def _checkpoints(path: Path) -> dict[str, list[TestedCheckpoint]]:
+    """Return the checkpoints of each kind in a run folder, fold by fold; or the file itself."""
+    if path.is_file():
+        return {"": [(path, None)]}
+    if not path.is_dir():
+        raise UserError(f"{path} does not exist; give a run folder or a checkpoint.")
+    folds = sorted(
+        int(folder.name) for folder in path.glob("folds/[0-9]*") if folder.name.isdecimal()
+    )
+    homes: list[TestedCheckpoint] = [(path / "folds" / str(fold), fold) for fold in folds]
+    checkpoints: dict[str, list[TestedCheckpoint]] = {}
+    for home, fold in homes or [(path, None)]:
+        for file in sorted(home.glob(f"checkpoints/*{SUFFIX}")):
+            checkpoints.setdefault(file.stem, []).append((file, fold))
+    if not checkpoints:
+        raise UserError(
+            f"{path} holds no finished checkpoint (checkpoints/KIND.ckpt or "
+            "folds/N/checkpoints/KIND.ckpt); give the folder of a finished run."
+        )
+    kinds = sorted(checkpoints, key=lambda kind: (kind != FUSION, kind))
+    return {kind: checkpoints[kind] for kind in kinds}
+
+
+def _load(config: Config, path: Path, fold: int | None, datasets: Datasets) -> SystemFold:
+    """One checkpoint and its test samples, whose recordings join those decoded alike."""
+    loaded = load_classifier(path)
+    data = config.data if fold is None else config.on_fold(fold).data
+    dataset = open_test_data(data, loaded, f"Checkpoint {path}")
+    if not datasets:  # the first one's data are shown
+        show_opening(data, dataset, ", ".join(config.stability.systems or []), trains=False)
+    samples = make_samples(dataset.recordings, loaded.card.modalities)
+    perturbed = {}
+    for modality, decoder in dataset.store.decoders.items():
+        fresh = PerturbedDataset(getattr(decoder, "sampling_rate", 0.0), config.seed)
+        perturbed[modality] = datasets.setdefault((modality, decoder), fresh)
+        perturbed[modality].add((sample.recordings[modality] for sample in samples), dataset.store)
+    loaded.to(pick_device(config.trainer.accelerator))
+    classifier = accelerate(loaded, config.engine).eval()
+    return SystemFold(path, classifier, samples, perturbed)
+
+
+def _title(path: Path, kind: str, classifier: SurfaceClassifier) -> str:
+    """The model of a run; the kind of a network that only accompanies it, or of a bare file."""
+    note = path / SETTINGS
+    if path.is_dir() and note.is_file():
+        settings = read_record(note)
+        senses = settings.get("model.senses")
+        if senses and kind_of(senses) == kind:
+            return str(settings["model.name"])
+    return str(classifier.card.baseline.get("name", classifier.card.kind))

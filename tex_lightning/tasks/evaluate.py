@@ -11,7 +11,7 @@ from tex_lightning.core.devices import pick_device
 from tex_lightning.data.folds import make_samples
 from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.inference.prediction import check_unknown
-from tex_lightning.learning.loggers import log_test, open_loggers
+from tex_lightning.learning.trainer import log_test, open_loggers
 from tex_lightning.report.table import print_results
 from tex_lightning.studies.dataset import open_test_data, show_opening
 from tex_lightning.studies.evaluate_checkpoint import (

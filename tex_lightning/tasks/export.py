@@ -14,9 +14,16 @@ from tex_lightning.core.console import say
 from tex_lightning.core.files import read_record, write_atomically, write_bytes, write_text
 from tex_lightning.data.store import cache_root
 from tex_lightning.errors import UserError
-from tex_lightning.export.check import compare, noise_sample, require_agreement
 from tex_lightning.export.metadata import metadata, model_card
-from tex_lightning.export.onnx_file import make_onnx, onnx_runner, without_defaults, write_onnx
+from tex_lightning.export.onnx_file import (
+    compare,
+    make_onnx,
+    noise_sample,
+    onnx_runner,
+    require_agreement,
+    without_defaults,
+    write_onnx,
+)
 from tex_lightning.export.web_page import page_files, runtime_files
 from tex_lightning.inference.prediction import check_unknown
 

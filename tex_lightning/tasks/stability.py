@@ -19,8 +19,12 @@ from tex_lightning.report.stability_charts import (
     print_stability,
     stability_figures,
 )
-from tex_lightning.studies.perturbed import PerturbedSystem, run_trial
-from tex_lightning.studies.systems import choose_perturbations, load_systems
+from tex_lightning.studies.perturbed import (
+    PerturbedSystem,
+    choose_perturbations,
+    load_systems,
+    run_trial,
+)
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
