@@ -22,7 +22,7 @@ HEADINGS = (
 LEFT_OUT = (
     "task=", "data=", "data.root=", "data.manifest=", "data.half_scale=false", "weights=/",
     "weights=../", "data.sampling_rate=", "data.cache_dir=", "crossval.only=", "trainer.threads=",
-    "explained_samples=", "hydra",
+    "hydra",
 )  # fmt: skip
 UNKNOWN = "not recorded"
 

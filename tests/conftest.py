@@ -233,7 +233,7 @@ def tiny(surfaces) -> list[str]:
 @pytest.fixture(scope="session")
 def fused(run_once, tiny) -> Path:
     """HapticNet and VisualNet, trained and fused."""
-    return run_once("model=fusion", *tiny, "explained_samples=1")
+    return run_once("model=fusion", *tiny)
 
 
 @pytest.fixture(scope="session")

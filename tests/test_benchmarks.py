@@ -19,7 +19,7 @@ def test_every_module_but_the_runner_is_a_benchmark(capsys):
 
 
 TABLE = """
-common: [task=fit, data.val_fold=null, explained_samples=0, verbose=0, "data.cache_dir=CACHE"]
+common: [task=fit, data.val_fold=null, verbose=0, "data.cache_dir=CACHE"]
 protocols:
   first: {first: 3}
   lamp: {tests: [{lamp: a}]}

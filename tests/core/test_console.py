@@ -21,7 +21,7 @@ def test_verbose_says_how_much_is_printed(cli, surfaces, tmp_path):
 
     def said(verbose: int) -> str:
         data = ["data=folder", f"data.root={surfaces}", f"hydra.run.dir={folder}"]
-        outcome = cli("model=mfcc_nb", "explained_samples=0", *data, f"verbose={verbose}")
+        outcome = cli("model=mfcc_nb", *data, f"verbose={verbose}")
         assert outcome.status == 0, outcome.err
         assert outcome.out == ""  # which belongs to predict, stream and record
         assert not {*outcome.err} & {"\r", "\x1b"}

@@ -18,7 +18,6 @@ from tex_lightning.evaluation.outcomes import (
     summarise,
     vote_counts,
     wilson_interval,
-    worst_samples,
     write_outcomes,
 )
 
@@ -29,16 +28,6 @@ LABELS = st.lists(st.tuples(st.sampled_from(CLASSES), st.sampled_from(CLASSES)),
 def outcome(label: str, predicted: str, fragments: int = 4, right: int = 2) -> Outcome:
     files = {"haptic": "x.wav", "sound": "y.wav"}
     return Outcome(files, label, predicted, 0.5, fragments, right, 1.5)
-
-
-def test_the_most_confident_wrong_ones_are_the_worst():
-    def made(label: str, probability: float) -> Outcome:
-        return Outcome({}, label, "b", 1, 1, 1, 1.0, probabilities=json.dumps({"b": probability}))
-
-    mixed = [made("a", 0.5), made("b", 1.0), made("a", 0.7), made("a", 0.9)]
-    assert worst_samples(mixed, 3) == [3, 2, 0]
-    assert worst_samples(mixed, 1) == [3]
-    assert worst_samples(mixed, 0) == worst_samples(mixed[1:2], 3) == []
 
 
 @given(LABELS)

@@ -65,7 +65,6 @@ class Config:
     trusted: list[str] = key(
         "packages whose classes a checkpoint may name: their code runs", factory=list
     )
-    explained_samples: int = key("misclassified test samples that are drawn", "[0, 100]")
     data: DataConfig = field(default_factory=DataConfig)
     model: ModelConfig = field(default_factory=ModelConfig)
     decision: DecisionConfig = field(default_factory=DecisionConfig)

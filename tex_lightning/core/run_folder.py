@@ -25,7 +25,7 @@ WORK = ("checkpoints", "folds", "systems", "predictions", "results.json")
 # Settings that change neither weights nor figures; a run may be continued with others.
 FREE_KEYS = (
     "crossval.", "frontier.only", "logger.", "data.cache_dir",
-    "data.num_workers", "explained_samples", "figures.", "trainer.accelerator",
+    "data.num_workers", "trainer.accelerator",
     "trainer.devices", "trainer.num_nodes", "trainer.strategy", "trainer.threads", "callbacks.",
     "trusted", "data.reader.cache_dir", "verbose",
 )  # fmt: skip

@@ -98,13 +98,6 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     }
 
 
-def worst_samples(outcomes: Sequence[Outcome], count: int) -> list[int]:
-    """Return the indices of at most ``count`` misclassified samples, the most confident first."""
-    confidence = [each.class_probabilities.get(each.predicted, each.share) for each in outcomes]
-    wrong = [row for row, each in enumerate(outcomes) if each.label != each.predicted]
-    return sorted(wrong, key=lambda row: -confidence[row])[:count]
-
-
 def optimized_value(results: dict[str, Any]) -> float:
     """Return what a search minimises: the validation loss, without one the error of the test.
 

@@ -37,7 +37,6 @@ from tex_lightning.learning.trial import try_baseline, try_custom_parts, try_tra
 from tex_lightning.studies.dataset import Dataset, open_dataset, show_opening
 from tex_lightning.studies.evaluate_checkpoint import (
     draw_figures,
-    draw_worst,
     report_network,
     results_frame,
 )
@@ -296,8 +295,6 @@ def _test_network(
     )
     if draw:
         draw_figures(outcomes, dataset.classes, kind, directory)
-    if draw and kind == config.model.kind:
-        draw_worst(classifier, samples, outcomes, store, config, directory)
     log_test(loggers, kind, plain_values(config), result)
     log.info(
         "Fold %s, %s: %d of %d votes correct, trained in %.1f s.",

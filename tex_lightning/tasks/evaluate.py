@@ -16,7 +16,6 @@ from tex_lightning.report.table import print_results
 from tex_lightning.studies.dataset import open_test_data, show_opening
 from tex_lightning.studies.evaluate_checkpoint import (
     draw_figures,
-    draw_worst,
     report_network,
     results_frame,
 )
@@ -42,7 +41,6 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         classifier, checkpoint, samples, store, directory, config, unknown
     )
     draw_figures(outcomes, card.classes, card.kind, directory)
-    draw_worst(classifier, samples, outcomes, store, config, directory)
     values = plain_values(config)
     tested_on = {name: values[name] for name in ("seed", "data")}
     loggers = open_loggers(config.logger, directory, card.kind)
