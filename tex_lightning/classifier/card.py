@@ -105,9 +105,9 @@ class Card:
         _check(card)
         return card
 
-    def deciding(self, given: DecisionConfig) -> Self:
+    def deciding(self, decision: DecisionConfig) -> Self:
         """Return the card with the given parts of the decision; None keeps the card's."""
-        values = {key: getattr(given, key) for key in DECISION}
+        values = {key: getattr(decision, key) for key in DECISION}
         changed = {key: value for key, value in values.items() if value is not None}
         return replace(self, decision={**self.decision, **changed})
 
@@ -124,7 +124,7 @@ class Card:
     @property
     def modalities(self) -> tuple[str, ...]:
         """Modalities of the recordings that it uses, each once."""
-        return tuple(dict.fromkeys(each["modality"] for each in self.senses.values()))
+        return tuple(dict.fromkeys(sense["modality"] for sense in self.senses.values()))
 
     @property
     def title(self) -> str:
@@ -152,13 +152,13 @@ class Card:
     @property
     def novelties(self) -> dict[str, list[float]]:
         """Novelties of known samples by sense, in the same order; empty if not known."""
-        found: dict[str, list[float]] = self.calibration.get(NOVELTIES, {})
-        return found
+        novelties: dict[str, list[float]] = self.calibration.get(NOVELTIES, {})
+        return novelties
 
     @property
     def known_novelties(self) -> list[float]:
         """Novelties of known samples: the sums over the senses."""
-        return [sum(each) for each in zip(*self.novelties.values(), strict=True)]
+        return [sum(values) for values in zip(*self.novelties.values(), strict=True)]
 
     @cached_property
     def unknown_above(self) -> float | None:
@@ -169,8 +169,8 @@ class Card:
     @cached_property
     def temperature(self) -> float:
         """Divisor of the logits before the softmax."""
-        found: float = self.calibration.get("temperature", 1.0)
-        return found
+        temperature: float = self.calibration.get("temperature", 1.0)
+        return temperature
 
 
 def configured_card(config: Config, classes: list[str]) -> Card:
@@ -282,11 +282,11 @@ def _check_values(where: str, value: object) -> None:
     """Check the values below a key of the card; those of senses go by their own name."""
     key = where.rpartition(".")[2] if where.startswith("senses.") else where
     if isinstance(value, dict):
-        for name, each in value.items():
-            _check_values(f"{where}.{name}", each)
+        for name, part in value.items():
+            _check_values(f"{where}.{name}", part)
     elif where.startswith((f"calibration.{NOVELTIES}", "input_ranges", "training.left_out")):
-        for each in value if isinstance(value, list) else [value]:
-            _check_number(where, each, 0, math.inf)
+        for number in value if isinstance(value, list) else [value]:
+            _check_number(where, number, 0, math.inf)
     elif key in CHOICES and value not in CHOICES[key]:
         raise ValueError(f"its {where} is {shorten(repr(value))}")
     elif key in RANGES and not (value is None and key in OPTIONAL):

@@ -151,14 +151,14 @@ class SurfaceClassifier(nn.Module):
         """Return the part of a checkpoint that holds what was trained."""
         return {"state_dict": lightning_state(self)}
 
-    def expect_statistics(self, state: Mapping[str, Tensor]) -> None:
-        """Make room for statistics of the sizes in a state."""
-        found: dict[str, dict[str, Tensor]] = {}
-        for key, value in state.items():
+    def expect_statistics(self, stored: Mapping[str, Tensor]) -> None:
+        """Make room for statistics of the sizes in a stored state."""
+        states: dict[str, dict[str, Tensor]] = {}
+        for key, value in stored.items():
             if key.startswith(STATISTICS):
                 name, buffer = key.removeprefix(STATISTICS).rsplit(".", 1)
-                found.setdefault(name, {})[buffer] = value
-        statistics = {name: FeatureStatistics.from_state(each) for name, each in found.items()}
+                states.setdefault(name, {})[buffer] = value
+        statistics = {name: FeatureStatistics.from_state(state) for name, state in states.items()}
         self.statistics = nn.ModuleDict(statistics)
 
     @property
@@ -179,7 +179,7 @@ class SurfaceClassifier(nn.Module):
 
     def count_parameters(self) -> int:
         """Count the trained parameters."""
-        return sum(each.numel() for part in self.trained_modules() for each in part.parameters())
+        return sum(x.numel() for part in self.trained_modules() for x in part.parameters())
 
     @torch.inference_mode()
     def classify(self, **recordings: Tensor) -> Vote:
@@ -222,7 +222,7 @@ class SurfaceClassifier(nn.Module):
         """Compute scores and novelty by every sense; arguments are those of :meth:`logits`."""
         self.require(recordings)
         senses = self.senses.items()
-        return {name: self.sense_output(name, recordings[each.modality]) for name, each in senses}
+        return {name: self.sense_output(name, recordings[sense.modality]) for name, sense in senses}
 
     def sense_output(self, name: str, recording: Tensor) -> SenseOutput:
         """Compute scores and novelty of a decoded recording by one sense, in one pass."""
@@ -309,8 +309,8 @@ class SurfaceClassifier(nn.Module):
         if self.fusion is None:
             return partials[0]
         tuples_drawn: int = self.card.decision["pairs"] if count is None else count
-        tuples = random_tuples([each.shape[-1] for each in partials], tuples_drawn, seed)
-        parts = [each[None] for each in partials]
+        tuples = random_tuples([partial.shape[-1] for partial in partials], tuples_drawn, seed)
+        parts = [partial[None] for partial in partials]
         return self.fusion.fuse(parts, tuples.to(partials[0].device))[0]
 
     @torch.no_grad()
@@ -336,14 +336,14 @@ class SurfaceClassifier(nn.Module):
                 part.statistics[name] = deepcopy(self.statistics[name])
         return part.to(self.device).train(self.training)
 
-    def require(self, given: Sequence[str] | dict[str, Any]) -> None:
+    def require(self, available: Sequence[str] | dict[str, Any]) -> None:
         """Refuse a sample that lacks a modality.
 
         Raises:
             UserError: Naming it.
         """
         needs = self.card.modalities
-        if absent := [modality for modality in needs if modality not in given]:
+        if absent := [modality for modality in needs if modality not in available]:
             raise UserError(
                 f"This {self.card.kind} network needs {' and '.join(needs)}; give "
                 f"{' and '.join(f'{key}=FILE' for key in absent)} too."
@@ -390,8 +390,8 @@ def class_scores(network: nn.Module, features: Tensor) -> Tensor:
         scores: Tensor = head.scores(features[None, :, :, None])
         return scores[0, :, :, 0]
     layer: Any = score_layer_of(network)
-    found: Tensor = layer.weight.flatten(1) @ features + layer.bias[:, None]
-    return found
+    logits: Tensor = layer.weight.flatten(1) @ features + layer.bias[:, None]
+    return logits
 
 
 def lightning_state(classifier: SurfaceClassifier) -> dict[str, Tensor]:

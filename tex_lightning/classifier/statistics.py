@@ -166,5 +166,5 @@ def _shrunk(spread: Tensor, freedom: int, size: int) -> tuple[Tensor, Tensor]:
     share = share.clamp(max=1)
     rank = min(MAX_RANK, len(spread), freedom)
     left = spread[rank:].sum() / max(1, size - rank)
-    shrunk = [(1 - share) * each + share * mean for each in (spread[:rank], left)]
+    shrunk = [(1 - share) * variance + share * mean for variance in (spread[:rank], left)]
     return shrunk[0].clamp(min=LEAST_VARIANCE), shrunk[1].clamp(min=LEAST_VARIANCE)

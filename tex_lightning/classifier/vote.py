@@ -124,7 +124,7 @@ def random_tuples(positions: Sequence[int], count: int, seed: int) -> Tensor:
         Long tensor (count, senses).
     """
     generator = torch.Generator().manual_seed(seed)
-    drawn = [torch.randint(each, (count,), generator=generator) for each in positions]
+    drawn = [torch.randint(number, (count,), generator=generator) for number in positions]
     return torch.stack(drawn, dim=1)
 
 

@@ -101,16 +101,16 @@ def find_callable(where: str, node: Mapping[str, Any]) -> Callable[..., Any]:
     return named
 
 
-def call(where: str, made: Any, *arguments: object) -> Any:  # noqa: ANN401
+def call(where: str, factory: Any, *arguments: object) -> Any:  # noqa: ANN401
     """Call what a node with ``_partial_: true`` gave.
 
     Raises:
         UserError: If it was no such node, or the call fails.
     """
-    if not callable(made):
+    if not callable(factory):
         raise UserError(f"{where} gives an object where a call is needed; add _partial_: true.")
-    with making(where, getattr(getattr(made, "func", made), "__module__", "")):
-        return made(*arguments)
+    with making(where, getattr(getattr(factory, "func", factory), "__module__", "")):
+        return factory(*arguments)
 
 
 def _checked(

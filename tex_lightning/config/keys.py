@@ -105,7 +105,7 @@ def choice(name: str, value: object, allowed: Sequence[object]) -> Iterator[str]
         yield f"{name} is {shorten(value)}{nearest(str(value), known)}: {rest}"
 
 
-def nearest(given: str, known: Iterable[str], prefix: str = "") -> str:
+def nearest(name: str, known: Iterable[str], prefix: str = "") -> str:
     """Return the likeliest of the known names in brackets, with a ``prefix``; "" if none is."""
-    near = difflib.get_close_matches(given, list(known), n=1)
+    near = difflib.get_close_matches(name, list(known), n=1)
     return f" (did you mean {prefix}{near[0]}?)" if near else ""

@@ -67,8 +67,8 @@ def _homes(package: str) -> Iterator[Path]:
 
 def installed_packages() -> list[str]:
     """Top packages that registered themselves under the entry-point group."""
-    found = entry_points(group=ENTRY_POINTS)
-    return sorted({entry.module.partition(".")[0] for entry in found})
+    plugins = entry_points(group=ENTRY_POINTS)
+    return sorted({entry.module.partition(".")[0] for entry in plugins})
 
 
 def user_folders() -> list[Path]:

@@ -19,8 +19,8 @@ def mcnemar(one: Sequence[bool], other: Sequence[bool]) -> tuple[int, int, float
     Returns:
         How often only ``one`` was correct, how often only ``other``, and the two-sided p-value.
     """
-    first = sum(own and not theirs for own, theirs in zip(one, other, strict=True))
-    second = sum(theirs and not own for own, theirs in zip(one, other, strict=True))
+    first = sum(ours and not theirs for ours, theirs in zip(one, other, strict=True))
+    second = sum(theirs and not ours for ours, theirs in zip(one, other, strict=True))
     if first + second == 0:
         return 0, 0, 1.0
     return first, second, float(binomtest(first, first + second).pvalue)
@@ -91,7 +91,7 @@ def pareto(points: Mapping[str, tuple[float, float]]) -> set[str]:
 
 def scarcest(files: Sequence[Mapping[str, str]]) -> list[str]:
     """Return, of each sample's files by modality, that of the modality with the fewest files."""
-    recorded = [[each[modality] for each in files] for modality in files[0]]
+    recorded = [[sample[modality] for sample in files] for modality in files[0]]
     return min(recorded, key=lambda names: len(set(names)))
 
 
@@ -112,12 +112,12 @@ def pair(
     modalities = sorted(outcomes[0].files)
     if not set(modalities) <= set(joint[0].files):
         return None
-    known = {each.sample: each.label == each.predicted for each in outcomes}
-    recordings = scarcest([each.files for each in joint])
-    names = ["|".join(each.files[modality] for modality in modalities) for each in joint]
+    known = {outcome.sample: outcome.label == outcome.predicted for outcome in outcomes}
+    recordings = scarcest([outcome.files for outcome in joint])
+    names = ["|".join(outcome.files[modality] for modality in modalities) for outcome in joint]
     return [
-        (recording, known[name], each.label == each.predicted)
-        for recording, name, each in zip(recordings, names, joint, strict=True)
+        (recording, known[name], outcome.label == outcome.predicted)
+        for recording, name, outcome in zip(recordings, names, joint, strict=True)
         if name in known
     ] or None
 
@@ -129,7 +129,7 @@ def correct_shares(outcomes: Sequence[Outcome], joint: Sequence[Outcome]) -> dic
     """
     pairs = pair(outcomes, joint)
     if pairs is None:
-        return {each.sample: float(each.label == each.predicted) for each in outcomes}
+        return {outcome.sample: float(outcome.label == outcome.predicted) for outcome in outcomes}
     votes = defaultdict(list)
     for recording, correct, _ in pairs:
         votes[recording].append(correct)

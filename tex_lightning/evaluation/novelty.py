@@ -62,8 +62,8 @@ def pool_unknown(
     """
     files = [_file(fold, name) for fold in folds]
     unknown = [read_outcomes(file) if file.is_file() else [] for file in files]
-    if found := [outcome for part in unknown for outcome in part]:
-        write_outcomes(found, _file(directory, name))
+    if pooled := [outcome for part in unknown for outcome in part]:
+        write_outcomes(pooled, _file(directory, name))
     limits = [entry.get("unknown", {}).get("threshold") for entry in folds.values()]
     return unknown_entry(list(zip(known, unknown, limits, strict=True)), rate)
 
@@ -77,14 +77,14 @@ def unknown_entry(tested: Sequence[Tested], rate: float | None) -> dict[str, Any
         gets less novelty. With a ``rate`` the mean ``threshold`` of novelty, ``false_rejections``
         (known samples called unknown) and ``accepted_unknown`` (unknown ones given a class).
     """
-    known = [each for part, _, _ in tested for each in part]
-    unknown = [each for _, part, _ in tested for each in part]
+    known = [outcome for part, _, _ in tested for outcome in part]
+    unknown = [outcome for _, part, _ in tested for outcome in part]
     entry: dict[str, Any] = {}
     if unknown:
-        novelties = [[each.novelty for each in part] for part in (known, unknown)]
+        novelties = [[outcome.novelty for outcome in part] for part in (known, unknown)]
         measured = not any(math.isnan(value) for part in novelties for value in part)
         entry = {
-            "classes": sorted({each.label for each in unknown}),
+            "classes": sorted({outcome.label for outcome in unknown}),
             "samples": len(unknown),
             "auroc": auroc(confidences(unknown).tolist(), confidences(known).tolist()),
             "novelty_auroc": auroc(*novelties) if measured else None,
@@ -100,8 +100,8 @@ def _rejection(tested: Sequence[Tested]) -> dict[str, Any]:
     if len(limits) < len(tested):
         return {"threshold": None}
     pairs = list(zip(tested, limits, strict=True))
-    known = [each.novelty > limit for (part, _, _), limit in pairs for each in part]
-    unknown = [each.novelty > limit for (_, part, _), limit in pairs for each in part]
+    known = [outcome.novelty > limit for (part, _, _), limit in pairs for outcome in part]
+    unknown = [outcome.novelty > limit for (_, part, _), limit in pairs for outcome in part]
     return {
         "threshold": sum(limits) / len(limits),
         "false_rejections": _share(sum(known), len(known)),

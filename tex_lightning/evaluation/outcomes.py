@@ -119,8 +119,8 @@ def wilson_interval(correct: int, count: int) -> list[float]:
 
 def write_outcomes(outcomes: Sequence[Outcome], path: Path) -> None:
     """Write one line per test sample as CSV: its files by modality, then the rest."""
-    facts = [dict(vars(each)) for each in outcomes]
-    lines = [{**each.pop(FILES), **each} for each in facts]
+    facts = [dict(vars(outcome)) for outcome in outcomes]
+    lines = [{**fact.pop(FILES), **fact} for fact in facts]
     write_rows(path, lines[0], (line.values() for line in lines))
 
 
@@ -130,8 +130,8 @@ def read_outcomes(path: Path) -> list[Outcome]:
     outcomes = []
     for line in read_rows(path):
         files = {name: value for name, value in line.items() if name not in types}
-        given = {name: kind for name, kind in types.items() if name in line}
-        rest: dict[str, Any] = {name: kind(line[name]) for name, kind in given.items()}  # type: ignore[operator]
+        columns = {name: kind for name, kind in types.items() if name in line}
+        rest: dict[str, Any] = {name: kind(line[name]) for name, kind in columns.items()}  # type: ignore[operator]
         outcomes.append(Outcome(files=files, **rest))
     return outcomes
 
@@ -164,10 +164,10 @@ def _commit(root: Path) -> str | None:
         return None
     command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--exclude=*"]
     try:
-        found = subprocess.run(command, capture_output=True, text=True, check=True, timeout=10)
+        described = subprocess.run(command, capture_output=True, text=True, check=True, timeout=10)
     except (OSError, subprocess.SubprocessError):
         return None
-    return found.stdout.strip()
+    return described.stdout.strip()
 
 
 def _cpu_name() -> str:
@@ -210,10 +210,11 @@ def by_condition(samples: Sequence[Sample], outcomes: Sequence[Outcome]) -> dict
     votes: list[Votes] = []
     for sample, outcome in zip(samples, outcomes, strict=True):
         rows = sample.recordings.values()
-        given = dict.fromkeys(
+        conditions = dict.fromkeys(
             (name, comparable(value)) for row in rows for name, value in row.conditions
         )
-        votes += [(*each, int(outcome.label == outcome.predicted), 1) for each in given]
+        correct = int(outcome.label == outcome.predicted)
+        votes += [(name, value, correct, 1) for name, value in conditions]
     return _entry(votes)
 
 
@@ -233,11 +234,11 @@ def _entry(votes: Iterable[Votes]) -> dict[str, Any]:
         values = totals.setdefault(name, {})
         before = values.get(value, (0, 0))
         values[value] = before[0] + correct, before[1] + count
-    found = {
+    counts = {
         name: {value: counted(*values[value]) for value in sorted(values, key=natural_key)}
         for name, values in totals.items()
     }
-    return {KEY: found} if found else {}
+    return {KEY: counts} if counts else {}
 
 
 def counted(correct: int, count: int) -> dict[str, Any]:

@@ -95,9 +95,9 @@ def fused_scores(partials: Sequence[Tensor], draws: Tensor) -> Tensor:
         partials: Partial logits (classes, positions) of each sense.
         draws: int64 (K, senses); modulo the number of positions each word is a position.
     """
-    total, *others = (_drawn(each, draws[:, place]) for place, each in enumerate(partials))
-    for each in others:
-        total = total + each
+    total, *others = (_drawn(partial, draws[:, i]) for i, partial in enumerate(partials))
+    for drawn in others:
+        total = total + drawn
     return total
 
 
@@ -148,8 +148,8 @@ class PhotoGraph(nn.Module):
         planes = photo[:height, :width].permute(2, 0, 1)[None]
         if self.half_scale:  # a last row or column of an odd number is left out
             planes = (avg_pool2d(planes.float(), 2) + 0.5).to(torch.uint8)
-        found: Tensor = self.features(planes)
-        return found
+        features: Tensor = self.features(planes)
+        return features
 
 
 def _open(size: int, least: int) -> Any:  # noqa: ANN401
@@ -157,10 +157,10 @@ def _open(size: int, least: int) -> Any:  # noqa: ANN401
 
     Of a size as such it notes in passing that there is more than one row, as in its example.
     """
-    found: Any = torch.scalar_tensor(size, dtype=torch.int64).item()
-    promise(found >= least)
-    promise(found <= size)
-    return found
+    opened: Any = torch.scalar_tensor(size, dtype=torch.int64).item()
+    promise(opened >= least)
+    promise(opened <= size)
+    return opened
 
 
 DRAWS = "draws"
@@ -188,7 +188,7 @@ class ClassifierGraph(nn.Module):
         self.card = classifier.card
         senses = classifier.senses
         self.modalities = {name: sense.modality for name, sense in senses.items()}
-        self.fronts = nn.ModuleDict({name: _front(each) for name, each in senses.items()})
+        self.fronts = nn.ModuleDict({name: _front(sense) for name, sense in senses.items()})
         networks = {name: exportable(sense.network) for name, sense in senses.items()}
         self.networks = nn.ModuleDict(networks)
         self.fused = classifier.fusion is not None

@@ -62,10 +62,10 @@ def without_defaults(model: Any) -> Any:  # noqa: ANN401
     """A copy all inputs of which have to be given: ONNX Runtime Web hides those with a default."""
     copy = type(model)()
     copy.CopyFrom(model)
-    inputs = {each.name for each in model.graph.input}
+    inputs = {value.name for value in model.graph.input}
     del copy.graph.initializer[:]
     copy.graph.initializer.extend(
-        each for each in model.graph.initializer if each.name not in inputs
+        value for value in model.graph.initializer if value.name not in inputs
     )
     return copy
 
@@ -92,7 +92,7 @@ def _clear(graph: Any) -> None:  # noqa: ANN401
     for node in graph.node:
         node.ClearField("metadata_props")
         node.ClearField("doc_string")
-        for sense in (each.g for each in node.attribute if each.HasField("g")):
+        for sense in (attribute.g for attribute in node.attribute if attribute.HasField("g")):
             _clear(sense)
     for value in (*graph.value_info, *graph.input, *graph.output):
         value.ClearField("metadata_props")
@@ -111,7 +111,7 @@ def onnx_runner(model: Any) -> Runner:  # noqa: ANN401
     session = runtime.InferenceSession(
         model.SerializeToString(), options, providers=["CPUExecutionProvider"]
     )
-    names = [each.name for each in session.get_outputs()]
+    names = [output.name for output in session.get_outputs()]
     return lambda inputs: dict(zip(names, session.run(names, dict(inputs)), strict=True))
 
 
@@ -124,7 +124,7 @@ COUNTED = 0.05
 
 def noise_sample(classifier: SurfaceClassifier, seed: int) -> Sample:
     """Draw recordings of random sizes; every second signal begins with quiet and a touch."""
-    rng, found = np.random.default_rng(seed), {}
+    rng, recordings = np.random.default_rng(seed), {}
     for sense in classifier.senses.values():
         noise = example(sense, seed)
         if sense.medium == "signal":
@@ -136,8 +136,8 @@ def noise_sample(classifier: SurfaceClassifier, seed: int) -> Sample:
         else:
             height, width = noise.shape[:2]
             noise = noise.repeat(2, 2, 1)[: height + int(rng.integers(height)), : width + seed]
-        found[sense.modality] = noise.contiguous()
-    return found
+        recordings[sense.modality] = noise.contiguous()
+    return recordings
 
 
 def decoded(sample: Sample, classifier: SurfaceClassifier) -> Sample:
@@ -185,14 +185,14 @@ def compare(
 
 def feed(classifier: SurfaceClassifier, sample: Sample, recordings: Sample) -> dict[str, Array]:
     """Return the inputs of a file by name, so that a FusionNet draws the classifier's tuples."""
-    inputs = {name: np.ascontiguousarray(each.numpy()) for name, each in sample.items()}
+    inputs = {name: np.ascontiguousarray(recording.numpy()) for name, recording in sample.items()}
     if classifier.fusion is not None:
         card, seed = classifier.card, classifier.seed(**recordings)
         inputs[DRAWS] = draws(seed, card.decision["pairs"], len(card.sense_names)).numpy()
     return inputs
 
 
-def require_agreement(found: Mapping[str, Any], classifier: SurfaceClassifier) -> None:
+def require_agreement(agreement: Mapping[str, Any], classifier: SurfaceClassifier) -> None:
     """Raise an error if a file disagrees with its classifier by more than rounding.
 
     Raises:
@@ -201,11 +201,11 @@ def require_agreement(found: Mapping[str, Any], classifier: SurfaceClassifier) -
     senses = classifier.senses.values()
     counts = any(isinstance(sense.features, BandProportions) for sense in senses)
     allowed = COUNTED if counts else TOLERANCE
-    wrong = found["recordings"] - found["same_labels"]
-    if wrong or found["score_difference"] > allowed:
+    wrong = agreement["recordings"] - agreement["same_labels"]
+    if wrong or agreement["score_difference"] > allowed:
         raise UserError(
-            f"The exported file gives another label for {wrong} of {found['recordings']} "
-            f"recordings and scores that differ by {found['score_difference']:.2g} of their range, "
-            f"where {allowed:g} is allowed; it was not written. Set export.check=0 to leave the "
-            "check out, or report this network."
+            f"The exported file gives another label for {wrong} of {agreement['recordings']} "
+            f"recordings and scores that differ by {agreement['score_difference']:.2g} of their "
+            f"range, where {allowed:g} is allowed; it was not written. Set export.check=0 to leave "
+            "the check out, or report this network."
         )

@@ -125,8 +125,8 @@ class BandPower(nn.Module):
         inner = outer.permute(3, 0, 2, 1).reshape(kept, axes * count, 2 * self.inner)
         squares = (inner @ self.second).square().reshape(kept, axes, count, 2, self.inner)
         power = squares.sum(dim=(1, 3)).permute(1, 0, 2).reshape(count, kept * self.inner)
-        found: Tensor = (power @ self.weights).T
-        return found
+        bands: Tensor = (power @ self.weights).T
+        return bands
 
     def _frames(self, trace: Tensor, count: int) -> Tensor:
         """Frames (axes, count, samples), put together of blocks: one by one takes much longer."""
@@ -141,7 +141,7 @@ class BandPower(nn.Module):
 
 def factors(length: int) -> tuple[int, int]:
     """P and Q with P Q = length for which both stages together take the fewest products."""
-    pairs = [(each, length // each) for each in range(1, length + 1) if length % each == 0]
+    pairs = [(outer, length // outer) for outer in range(1, length + 1) if length % outer == 0]
     return min(pairs, key=lambda pair: pair[0] + 2 * pair[1])
 
 

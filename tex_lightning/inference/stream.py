@@ -101,7 +101,7 @@ class LiveStream:
     ) -> None:
         self.card, self.classifier, self.top_k = classifier.card, classifier, top_k
         self.window, senses = config.window, classifier.senses
-        self.live = {name: each for name, each in senses.items() if isinstance(each, SignalSense)}
+        self.live = {name: x for name, x in senses.items() if isinstance(x, SignalSense)}
         self.signals = {
             sense.modality: LiveSignal(sense, rates[sense.modality], self.window)
             for sense in self.live.values()

@@ -79,17 +79,17 @@ def _examples(statistics: FeatureStatistics, features: Fragments) -> tuple[Tenso
     new fragments themselves count as much again.
     """
     generator = torch.Generator().manual_seed(0)
-    recordings = [each for own in features for each in own]
-    apart = torch.cat([_some(each - each.mean(dim=1, keepdim=True)) for each in recordings])
+    recordings = [recording for members in features for recording in members]
+    apart = torch.cat([_some(x - x.mean(dim=1, keepdim=True)) for x in recordings])
     drawn = statistics.draw(DRAWN, generator)
     drawn = drawn + apart[torch.randint(len(apart), drawn.shape[:2], generator=generator)]
     groups = list(enumerate(drawn))
-    for number, own in enumerate(features, start=len(drawn) - len(features)):
-        groups.append((number, torch.cat([_some(each) for each in own])))
+    for number, members in enumerate(features, start=len(drawn) - len(features)):
+        groups.append((number, torch.cat(list(map(_some, members)))))
     times = torch.tensor([number for number, _ in groups]).bincount().tolist()
-    labels = torch.cat([torch.full((len(each),), number) for number, each in groups])
-    shares = [torch.full((len(each),), 1 / (len(each) * times[number])) for number, each in groups]
-    return torch.cat([each for _, each in groups]), labels, torch.cat(shares)
+    labels = torch.cat([torch.full((len(rows),), number) for number, rows in groups])
+    shares = [torch.full((len(rows),), 1 / (len(rows) * times[number])) for number, rows in groups]
+    return torch.cat([rows for _, rows in groups]), labels, torch.cat(shares)
 
 
 def _some(features: Tensor) -> Tensor:

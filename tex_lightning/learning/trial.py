@@ -188,10 +188,10 @@ def _largest(recordings: Recordings, store: Store, count: int) -> list[Recording
     return largest
 
 
-def _check_numbers(found: Tensor, part: Part) -> None:
-    if not found.is_floating_point():
-        raise breach(*part, f"returned {describe(found)}")
-    if not bool(found.isfinite().all()):
+def _check_numbers(values: Tensor, part: Part) -> None:
+    if not values.is_floating_point():
+        raise breach(*part, f"returned {describe(values)}")
+    if not bool(values.isfinite().all()):
         raise breach(*part, "gave NaN or infinity")
 
 

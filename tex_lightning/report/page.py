@@ -84,8 +84,8 @@ def read_systems(runs: Iterable[Path]) -> list[System]:
         names = list(results.get("networks", {}))
         for kind in names:
             if "vote_accuracy" in results["networks"][kind]:
-                own = kind == names[-1]
-                model, inside = (results["model"], "") if own else (kind, results["model"])
+                is_main = kind == names[-1]
+                model, inside = (results["model"], "") if is_main else (kind, results["model"])
                 models.setdefault((model, kind, inside, results["data"]), []).append((run, results))
     systems = []
     for key, members in models.items():
@@ -100,7 +100,7 @@ def _variants(runs: Sequence[Path]) -> list[str]:
     """What each run of one model has set differently from the others."""
     every = [run_settings(run) for run in runs]
     keys = {key for settings in every for key in settings if not key.startswith(POOLED)}
-    differing = [key for key in keys if len({str(each.get(key)) for each in every}) > 1]
+    differing = [key for key in keys if len({str(settings.get(key)) for settings in every}) > 1]
     # the same value under a longer key was taken from the shorter one
     differing.sort(key=lambda key: (key.count("."), key))
     variants = []
@@ -129,7 +129,7 @@ def comparison_tables(systems: Sequence[System]) -> list[Table]:
     for system in systems:
         groups.setdefault(system.tables[0], []).append(system)
     tables = [
-        accuracy_table(name, [each for each in group if not each.inside] or group)
+        accuracy_table(name, [system for system in group if not system.inside] or group)
         for name, group in groups.items()
     ]
     by_condition = {system.label: pool_conditions(system.entries) for system in systems}
@@ -149,15 +149,18 @@ def accuracy_table(name: str, systems: Sequence[System]) -> Table:
     order = [row["model"] for row in table.get("rows", ())]
     ordered = sorted(
         systems,
-        key=lambda each: order.index(each.model) if each.model in order else len(order),
+        key=lambda system: order.index(system.model) if system.model in order else len(order),
     )
-    best = max(systems, key=lambda each: float(summarise(each.outcomes)["vote_accuracy"]))
+    best = max(systems, key=lambda system: float(summarise(system.outcomes)["vote_accuracy"]))
     paper = {row["model"]: row for row in table.get("rows", ()) if best.data in PAPER_DATA}
-    data, classes = ", ".join(sorted({each.data for each in systems})), len(best.classes)
+    data, classes = ", ".join(sorted({system.data for system in systems})), len(best.classes)
     text = f"Data: {data}, {classes} classes (chance {1 / classes:.1%})."
     if paper:
         text += f" The paper's: {table['data']}."
-    rows = [_line(each, best, {} if each.inside else paper.get(each.model, {})) for each in ordered]
+    rows = [
+        _line(system, best, {} if system.inside else paper.get(system.model, {}))
+        for system in ordered
+    ]
     return Table(table.get("title") or f"{name.capitalize()} classification", rows, text)
 
 
@@ -186,8 +189,8 @@ def _against(best: System, system: System) -> str:
     pairs = pair(system.outcomes, best.outcomes)
     if pairs is None or len(pairs) < len(best.outcomes):
         return "-"
-    _, own, others = zip(*pairs, strict=True)
-    only_best, only_own, p_value = mcnemar(others, own)
+    _, ours, others = zip(*pairs, strict=True)
+    only_best, only_own, p_value = mcnemar(others, ours)
     return f"{p_value:.2g} ({only_best}:{only_own})"
 
 
@@ -215,7 +218,7 @@ def write_report(directory: Path, runs: Sequence[Path] | None = None) -> None:
     compares = runs is not None or results.get("task") == "crossval"
     systems = read_systems(folders) if compares else []
     names = [str(results[key]) for key in ("task", "model", "data") if results.get(key)]
-    tiny = any(is_tiny(run_overrides(each)) for each in folders)
+    tiny = any(is_tiny(run_overrides(folder)) for folder in folders)
     context = {
         "title": " · ".join(names) or directory.name,
         "tiny": TINY if tiny else "",

@@ -80,10 +80,10 @@ def curves(
     drawn = looks(trial.system for trial in trials)
     figure, grid = make_grid(len(names), CHARTS_IN_ROW, (2.6, 2.3), sharey=True)
     for axes, name in zip(grid, names, strict=True):
-        own = [trial for trial in trials if trial.perturbation == name]
+        shown = [trial for trial in trials if trial.perturbation == name]
         for system, look in drawn.items():
             points = [
-                (trial.severity, trial.vote_accuracy) for trial in own if trial.system == system
+                (trial.severity, trial.vote_accuracy) for trial in shown if trial.system == system
             ]
             across, upwards = np.reshape(points, (-1, 2)).T
             axes.plot(across, upwards, color=look.colour, marker=look.marker, label=brief(system))

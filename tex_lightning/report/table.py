@@ -135,7 +135,9 @@ def condition_rows(networks: Mapping[str, Network]) -> list[dict[str, str]]:
         for value in sorted(known, key=natural_key) if 1 < len(known) <= MAX_LISTED else ():
             votes = {network: entry.get(KEY, {}).get(name, {}).get(value)
                      for network, entry in networks.items()}  # fmt: skip
-            cells = {network: counted(each) if each else "" for network, each in votes.items()}
+            cells = {
+                network: counted(counts) if counts else "" for network, counts in votes.items()
+            }
             rows.append({"condition": name, "value": value, **cells})
     return rows
 

@@ -130,14 +130,14 @@ class Sense(nn.Module, ABC):
     @abstractmethod
     def decode_input(
         self,
-        given: Any,  # noqa: ANN401
+        recording: Any,  # noqa: ANN401
         ranges: Ranges,
         **how: Any,  # noqa: ANN401
     ) -> tuple[Tensor, Quality]:
         """Decode a file, or bring an array to what decoding gives; judge its quality.
 
         Args:
-            given: A path, or samples or pixels.
+            recording: A path, or samples or pixels.
             ranges: Ranges of the measures of the training recordings.
             **how: ``rate`` in Hz, ``colour`` order, ``fast`` decoding, as far as they apply.
 
@@ -164,17 +164,17 @@ class Sense(nn.Module, ABC):
         part = f"model.{self.name}.features", "features", self.features
         batch = len(x) if x.dim() == 4 else 1
         with calling(*part):
-            found: object = self.features(x)
-        if not isinstance(found, Tensor) or found.dim() < self.dimensions or len(found) != batch:
-            raise breach(*part, f"returned {describe(found)} for a batch of {batch}")
-        if x.is_floating_point() and not bool(found.isfinite().all()):
-            own = "" if is_builtin(self.features) else type(self.features).__name__
+            output: object = self.features(x)
+        if not isinstance(output, Tensor) or output.dim() < self.dimensions or len(output) != batch:
+            raise breach(*part, f"returned {describe(output)} for a batch of {batch}")
+        if x.is_floating_point() and not bool(output.isfinite().all()):
+            custom = "" if is_builtin(self.features) else type(self.features).__name__
             raise UserError(
                 f"The {self.what} holds NaN, infinity or numbers too large to square"
-                f"{own and f', or {own} makes them'}; repair the recording"
-                f"{own and ' or that class'}."
+                f"{custom and f', or {custom} makes them'}; repair the recording"
+                f"{custom and ' or that class'}."
             )
-        return found
+        return output
 
     def dense_input(self, recording: Tensor) -> Tensor:
         """Return the input of :meth:`dense_grid` for a decoded recording.
@@ -224,17 +224,17 @@ class Sense(nn.Module, ABC):
             if large and self.geometry is not None:
                 layers = self.geometry.layers
                 run = partial(self.score, level=level)
-                found = in_tiles(run, x, layers, affordable(layers, self.tile))
+                features = in_tiles(run, x, layers, affordable(layers, self.tile))
             else:
-                found = self.score(x, level)
+                features = self.score(x, level)
         except RuntimeError as error:  # of a kernel that is larger than its input
             if self.knows_min_size:
                 raise
             raise self._too_small(self.network, reason(error)) from error
-        if not found.numel():
+        if not features.numel():
             raise self._too_small(self.network, "it gives no position")
-        found = found if found.dtype == torch.float64 else found.float()
-        return found[0].unsqueeze(1) if found.dim() == 3 else found[0].flatten(1, -2)
+        features = features if features.dtype == torch.float64 else features.float()
+        return features[0].unsqueeze(1) if features.dim() == 3 else features[0].flatten(1, -2)
 
     def _too_small(self, part: nn.Module, why: str) -> UserError:
         return UserError(
@@ -248,10 +248,10 @@ class Sense(nn.Module, ABC):
         x = x.to(next(network.parameters(), x).dtype)
         part = f"model.{self.name}.network", "network", network
         with calling(*part):
-            found: object = network.features(x, level)
-        if not isinstance(found, Tensor) or found.dim() < 3 or len(found) != len(x):
-            raise breach(*part, f"returned {describe(found)} for a batch of {len(x)}")
-        return found
+            features: object = network.features(x, level)
+        if not isinstance(features, Tensor) or features.dim() < 3 or len(features) != len(x):
+            raise breach(*part, f"returned {describe(features)} for a batch of {len(x)}")
+        return features
 
     def piece_size(self, size: int) -> int:
         """Return the size of a piece that gives one position; ``size`` where it is not known."""

@@ -116,17 +116,17 @@ class PhotoSense(Sense):
 
     def decode_input(
         self,
-        given: Any,  # noqa: ANN401
+        recording: Any,  # noqa: ANN401
         ranges: Ranges,
         *,
         colour: str = "rgb",
         **_: Any,  # noqa: ANN401
     ) -> tuple[Tensor, Quality]:
         """Decode a file or pixels; ``colour`` is the order of an array's colours."""
-        if isinstance(given, str | Path):
-            photo = self.decoder.decode(Path(given).expanduser())[0]
+        if isinstance(recording, str | Path):
+            photo = self.decoder.decode(Path(recording).expanduser())[0]
         else:
-            photo = as_photo(given, self.decoder, colour, self.modality)
+            photo = as_photo(recording, self.decoder, colour, self.modality)
         return torch.from_numpy(photo), photo_quality(photo, ranges, self.what)
 
 

@@ -111,8 +111,8 @@ class SignalSense(Sense):
         """Return features (..., frames), before normalisation if that is apart."""
         measure = getattr(self.features, "magnitudes", None)
         recording = recording.to(self.device)
-        found: Tensor = self.read(recording)[0] if measure is None else measure(recording)
-        return found
+        features: Tensor = self.read(recording)[0] if measure is None else measure(recording)
+        return features
 
     def _normalised(self, raw: Tensor) -> Tensor:
         """Return the network input (..., frames) on the CPU."""
@@ -148,19 +148,19 @@ class SignalSense(Sense):
 
     def decode_input(
         self,
-        given: Any,  # noqa: ANN401
+        recording: Any,  # noqa: ANN401
         ranges: Ranges,
         *,
         rate: float | None = None,
         **_: Any,  # noqa: ANN401
     ) -> tuple[Tensor, Quality]:
         """Decode a file or samples; ``rate`` in Hz is that of samples and of files without one."""
-        if isinstance(given, str | Path):
-            path, assumed = Path(given).expanduser(), rate or self.decoder.file_rate
+        if isinstance(recording, str | Path):
+            path, assumed = Path(recording).expanduser(), rate or self.decoder.file_rate
             raw, source = read_trace(path, self.decoder.assuming(assumed))
             name = f"Trace {path}"
         else:
-            raw, name = as_trace(given, self.modality, self.decoder.channels), self.modality
+            raw, name = as_trace(recording, self.modality, self.decoder.channels), self.modality
             source = self.decoder.sampling_rate if rate is None else rate
         return self.resample(raw, source, ranges, name)
 

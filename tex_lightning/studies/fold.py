@@ -29,7 +29,7 @@ from tex_lightning.data.store import Store, load_recording, load_sample
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.calibration import calibrated_card
 from tex_lightning.evaluation.outcomes import RANDOM, write_results
-from tex_lightning.inference.prediction import taken
+from tex_lightning.inference.prediction import name_conflict
 from tex_lightning.learning.start import starting_classifier
 from tex_lightning.learning.train import checkpoint_of, train_network, train_once
 from tex_lightning.learning.trainer import log_test, open_loggers
@@ -105,7 +105,7 @@ def open_training(config: Config, directory: Path) -> Dataset:
     senses = try_training(config, card, directory)
     dataset = open_dataset(config.data, senses)
     if config.decision.unknown and LABEL in dataset.classes:
-        raise taken("The data has")
+        raise name_conflict("The data has")
     card = replace(card, classes=dataset.classes)
     try_custom_parts(config.model, card, senses, dataset.recordings, dataset.store)
     return dataset.usable(senses, skip_bad=config.data.skip_bad)

@@ -93,7 +93,7 @@ def _readable(path: Path, modality: str) -> bool:
     return known and is_file(path) and stands_for_all(path)
 
 
-def match_files(given: Mapping[str, list[Path]]) -> list[dict[str, Path]]:
+def match_files(by_modality: Mapping[str, list[Path]]) -> list[dict[str, Path]]:
     """Return samples, each with a file of every modality that is given.
 
     Where all modalities have the same names without suffixes, each once, these decide; else the
@@ -102,15 +102,15 @@ def match_files(given: Mapping[str, list[Path]]) -> list[dict[str, Path]]:
     Raises:
         UserError: If there is nothing, or not as many of each.
     """
-    found = {modality: paths for modality, paths in given.items() if paths}
-    if not found:
+    files = {modality: paths for modality, paths in by_modality.items() if paths}
+    if not files:
         raise UserError("There is nothing to classify; give a file, as in haptic=FILE.")
-    if len({len(paths) for paths in found.values()}) > 1:
-        counts = " and ".join(f"{len(paths)} {plural(name)}" for name, paths in found.items())
+    if len({len(paths) for paths in files.values()}) > 1:
+        counts = " and ".join(f"{len(paths)} {plural(name)}" for name, paths in files.items())
         raise UserError(f"There are {counts}; give as many of each.")
-    first, *others = found.values()
-    by_stem = {name: {path.stem: path for path in paths} for name, paths in found.items()}
+    first, *others = files.values()
+    by_stem = {name: {path.stem: path for path in paths} for name, paths in files.items()}
     stems = [path.stem for path in first]
     if all(sorted(paths) == sorted(stems) for paths in by_stem.values()):
-        return [{name: by_stem[name][stem] for name in found} for stem in stems]
-    return [dict(zip(found, paths, strict=True)) for paths in zip(first, *others, strict=True)]
+        return [{name: by_stem[name][stem] for name in files} for stem in stems]
+    return [dict(zip(files, paths, strict=True)) for paths in zip(first, *others, strict=True)]

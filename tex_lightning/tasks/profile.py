@@ -29,7 +29,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     """
     begin, device = time.perf_counter(), pick_device(config.trainer.accelerator)
     networks: dict[str, Any] = {}
-    for classifier in track(_classifiers(config), lambda each: f"timing {each.card.title}"):
+    for classifier in track(_classifiers(config), lambda network: f"timing {network.card.title}"):
         name = classifier.card.kind
         log.info("Profiling the %s network.", name)
         classifier.eval().to(device)

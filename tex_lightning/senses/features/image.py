@@ -75,7 +75,7 @@ def _turned(crops: Tensor, degrees: Tensor, patch: int) -> Iterator[Tensor]:
     from kornia.geometry.transform import remap  # half a second, which predictions do without
 
     places = angle.cos() * offset, angle.sin() * offset  # of one row (batch, 1, patch) at its angle
-    pieces = (torch.split(each, _together(crops)) for each in (crops, *places))
+    pieces = (torch.split(values, _together(crops)) for values in (crops, *places))
     for some, cos, sin in zip(*pieces, strict=True):
         # side by side, as remap wants them: from two planes its own copy takes twice as long
         grid = cos.new_empty(len(some), patch, patch, 2)

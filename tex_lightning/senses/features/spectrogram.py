@@ -270,11 +270,11 @@ class SpectrogramFeatures(nn.Module):
         if self.normalisation == "paper":
             return
         # one recording after another: together they may be more than fits into memory
-        count = sum(each.shape[1] for each in magnitudes)
-        level = self._mean(count, (each.cpu().double() for each in magnitudes)).mean()
+        count = sum(magnitude.shape[1] for magnitude in magnitudes)
+        level = self._mean(count, (magnitude.cpu().double() for magnitude in magnitudes)).mean()
         self.level.copy_(level if level > 0 else torch.ones_like(level))
         mean = self._mean(count, map(self._logs, magnitudes))
-        away = ((self._logs(each) - mean).square() for each in magnitudes)
+        away = ((self._logs(magnitude) - mean).square() for magnitude in magnitudes)
         std = self._mean(count - 1, away).sqrt()
         self.channel_mean.copy_(mean)
         self.channel_std.copy_(torch.where(std > 1e-6, std, torch.ones_like(std)))
