@@ -204,7 +204,7 @@ def _run(arguments: Sequence[str]) -> int:
 
 
 def _interrupted() -> str:
-    """What to say after Ctrl-C: how to go on with what is there."""
+    """Return what to say after Ctrl-C: how to go on with what is there."""
     for directory, override in reversed(STARTED):
         if holds_work(directory):
             again = f"the same command with {override}"

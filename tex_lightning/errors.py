@@ -32,7 +32,7 @@ class UserError(Exception):
 
 
 def shorten(value: object) -> str:
-    """Text for a message, in one line: a long value keeps its beginning and end."""
+    """Return a text for a message, in one line: a long value keeps its beginning and end."""
     text = printable(str(value))
     if len(text) <= SHOWN:
         return text
@@ -41,12 +41,12 @@ def shorten(value: object) -> str:
 
 
 def reason(error: object) -> str:
-    """What a library said, to stand inside a sentence: one line, shortened, without full stops."""
+    """Return what a library said to be quoted: one line, shortened, without full stops."""
     said = " ".join(str(error).split()) or type(error).__name__
     return shorten(said).rstrip(". ").replace(". ", "; ")
 
 
 def listed(names: Sequence[str]) -> str:
-    """Names as a message quotes them: shortened, and no more than can be read."""
+    """Return names as a message quotes them: shortened, and no more than can be read."""
     more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
     return ", ".join(shorten(name) for name in names[:MAX_NAMES]) + more

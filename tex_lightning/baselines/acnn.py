@@ -71,7 +71,7 @@ def _cut(trace: Tensor, length: int) -> Tensor:
 
 
 def divergence(activation: Tensor, sparsity: float) -> Tensor:
-    """Kullback-Leibler divergence of Bernoulli variables, each activation from ``sparsity``."""
+    """Return the Kullback-Leibler divergence of Bernoulli variables from ``sparsity``."""
     activation = activation.clamp(1e-6, 1 - 1e-6)
     on = sparsity * torch.log(sparsity / activation)
     return on + (1 - sparsity) * torch.log((1 - sparsity) / (1 - activation))
@@ -166,7 +166,7 @@ class RawNetwork(Baseline):
             schedule.step()
 
     def _prepare(self, trace: Tensor) -> Tensor:
-        """A trace (samples,) at the training set's scale, repeated if less than a fragment."""
+        """Return a trace (samples,) at the training set's scale, at least a fragment long."""
         repeats = -(-fragment_length(self.width) // len(trace))
         return (trace / self.scale).repeat(repeats)
 

@@ -36,7 +36,7 @@ WHERE = "model.baseline"
 
 
 def make_baseline(name: str, node: Mapping[str, Any], budget: float) -> "Baseline":
-    """A baseline that is not fitted yet.
+    """Return a baseline that is not fitted yet.
 
     Args:
         name: Name of the model, for messages.
@@ -109,7 +109,7 @@ class Pixels(nn.Identity):
 
 
 def as_part(baseline: "Baseline") -> tuple[str, str, "Baseline"]:
-    """Key, kind and object of a baseline, as a contract names them."""
+    """Return key, kind and object of a baseline, as a contract names them."""
     return WHERE, "baseline", baseline
 
 
@@ -136,11 +136,11 @@ class FittedBaseline(nn.Module):
             self.baseline.load_state(state)
 
     def features(self, x: Tensor, level: Level) -> Tensor:
-        """Class scores (1, classes, fragments) of (1, 1, samples) or (1, 3, height, width)."""
+        """Return scores (1, classes, fragments) of (1, 1, samples) or (1, 3, height, width)."""
         return self.scores(as_baseline_takes_it(x))[None]
 
     def scores(self, recording: "Array") -> Tensor:
-        """Class scores (classes, fragments) of a recording as the baseline takes it.
+        """Return class scores (classes, fragments) of a recording as the baseline takes it.
 
         Raises:
             UserError: If it does not give such.
@@ -153,7 +153,7 @@ class FittedBaseline(nn.Module):
 
 
 def as_baseline_takes_it(x: Tensor) -> "Array":
-    """(samples,) of (1, 1, samples), (height, width, 3) of (1, 3, height, width)."""
+    """Return (samples,) of (1, 1, samples), and (height, width, 3) of (1, 3, height, width)."""
     array: Array = (x[0, 0] if x.dim() == 3 else x[0].permute(1, 2, 0)).numpy()
     return array
 
@@ -192,7 +192,7 @@ class BaselineClassifier(SurfaceClassifier):
         self.baseline = baseline
 
     def count_parameters(self) -> int:
-        """How many numbers were fitted."""
+        """Count the numbers that were fitted."""
         return self.baseline.count_parameters()
 
     def weights(self) -> dict[str, Any]:

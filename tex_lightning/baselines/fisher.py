@@ -136,14 +136,14 @@ class FisherVectors(Baseline):
         )
 
     def factors(self, height: int, width: int) -> list[float]:
-        """Factors on the sides of a photo; at least one."""
+        """Return factors on the sides of a photo; at least one."""
         least, largest = self.map_side / min(height, width), self.max_side / (height * width) ** 0.5
         factors = [2.0**scale for scale in self.scales]
         return [factor for factor in factors if least <= factor <= largest] or [largest]
 
     @torch.inference_mode()
     def features(self, photo: Array) -> Tensor:
-        """Features (positions, channels) of all scales of a photo of any size."""
+        """Return features (positions, channels) of all scales of a photo of any size."""
         image = self.pixels(torch.from_numpy(photo).permute(2, 0, 1)[None])
         sizes = [
             [max(1, round(side * factor)) for side in photo.shape[:2]]
@@ -153,7 +153,7 @@ class FisherVectors(Baseline):
         return torch.cat(rows)
 
     def _last_maps(self, image: Tensor) -> Tensor:
-        """Outputs of the last convolutions before ReLU (1, channels, rows, columns)."""
+        """Return outputs of the last convolutions before ReLU (1, channels, rows, columns)."""
         last = self.network.final[0].split(".")[1]  # as layers.conv5.0
         for name, layer in self.network.layers.named_children():
             if name == last:
@@ -164,16 +164,16 @@ class FisherVectors(Baseline):
 
     @torch.inference_mode()
     def vector(self, photo: Array) -> Tensor:
-        """Improved Fisher vector (2 * components * channels,) of a photo."""
+        """Return the improved Fisher vector (2 * components * channels,) of a photo."""
         return improved(fisher_vector(self.features(photo), *(self.fitted[key] for key in MIXTURE)))
 
     def logits(self, recording: Array) -> Tensor:
-        """Calibrated scores of the SVMs, one fragment."""
+        """Return calibrated scores of the SVMs, one fragment."""
         scores = self.fitted["directions"] @ self.vector(recording) + self.fitted["offsets"]
         return scores[:, None].double()
 
     def state(self) -> State:
-        """Trunk, mixture and planes."""
+        """Return trunk, mixture and planes."""
         trunk = self.network.state_dict().items()
         return {**{PREFIX + name: value for name, value in trunk}, **self.fitted}
 
@@ -187,20 +187,20 @@ class FisherVectors(Baseline):
         self.fitted = {key: state[key] for key in (*MIXTURE, *PLANES)}
 
     def count_parameters(self) -> int:
-        """Weights of the trunk, mixture and planes."""
+        """Count the weights of trunk, mixture and planes."""
         tensors = [*self.network.parameters(), *self.fitted.values()]
         return sum(value.numel() for value in tensors)
 
 
 def _resized(image: Tensor, size: list[int]) -> Tensor:
-    """An image (1, 3, height, width) of another size, smoothed before it shrinks."""
+    """Return an image (1, 3, height, width) of another size, smoothed before it shrinks."""
     if size == list(image.shape[-2:]):
         return image
     return nn.functional.interpolate(image, size, mode="bilinear", antialias=True)
 
 
 def fisher_vector(features: Tensor, weights: Tensor, means: Tensor, variances: Tensor) -> Tensor:
-    """Gradients of the log-likelihood towards means and variances, in their natural metric.
+    """Return gradients of the log-likelihood towards means and variances, in their natural metric.
 
     With posteriors q, u_k = sum_n q_nk (x_n - m_k) / s_k / (N sqrt(w_k)) and
     v_k = sum_n q_nk (((x_n - m_k) / s_k)^2 - 1) / (N sqrt(2 w_k)), after Perronnin, Sanchez and
@@ -231,13 +231,13 @@ def fisher_vector(features: Tensor, weights: Tensor, means: Tensor, variances: T
 
 
 def improved(vector: Tensor) -> Tensor:
-    """Signed square root, then length 1 (a vector of zeros stays)."""
+    """Take the signed square root, then bring it to length 1 (a vector of zeros stays)."""
     rooted = vector.sign() * vector.abs().sqrt()
     return nn.functional.normalize(rooted, dim=0)
 
 
 def fit_planes(vectors: Tensor, labels: npt.NDArray[np.int64], cost: float) -> State:
-    """One linear SVM for each class against the rest, on vectors (rows, D).
+    """Fit one linear SVM for each class against the rest, on vectors (rows, D).
 
     Scores are brought to a common range: over the training rows, the median is 0 for the others
     and 1 for the class. The SVMs see inner products alone, which are far fewer than the vectors'

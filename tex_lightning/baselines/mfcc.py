@@ -70,7 +70,7 @@ class Cepstra:
             )
 
     def coefficients(self, trace: Array, sampling_rate: float) -> Array:
-        """Coefficients (frames, last - first + 1) float64 of a trace (samples,).
+        """Return coefficients (frames, last - first + 1) float64 of a trace (samples,).
 
         A trace shorter than a frame is padded with zeros to one.
 
@@ -101,7 +101,7 @@ class Cepstra:
 
 
 def filter_edges(filters: int, highest_hz: float, spacing: str) -> Array:
-    """Edges and peaks (filters + 2,) in Hz, rising from 0 to ``highest_hz``.
+    """Return edges and peaks (filters + 2,) in Hz, rising from 0 to ``highest_hz``.
 
     ``mel`` spaces them evenly in mel = 2595 log10(1 + f / 700), so that filters widen with
     frequency. ``decreasing`` is that bank mirrored, f to ``highest_hz`` - f: the widths are the
@@ -161,7 +161,7 @@ class MfccMixtures(EstimatorBaseline, Cepstra):
         return torch.tensor(sums, dtype=torch.float64)[:, None]
 
     def count_parameters(self) -> int:
-        """Weights, means and variances; what scikit-learn derives from them does not count."""
+        """Count weights, means and variances, without what scikit-learn derives from them."""
         return sum(
             mixture.weights_.size + mixture.means_.size + mixture.covariances_.size
             for mixture in self.estimator
@@ -180,5 +180,5 @@ class MfccNaiveBayes(EstimatorBaseline, Cepstra):
         return mean
 
     def make_estimator(self, seed: int) -> Any:  # noqa: ANN401  (nothing is random)
-        """Naive Bayes with normal densities."""
+        """Return naive Bayes with normal densities."""
         return GaussianNB()

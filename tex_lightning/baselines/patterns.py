@@ -41,19 +41,19 @@ class LocalBinaryPatterns(EstimatorBaseline):
         self.min_side = 2 * max(self.radii) + 1
 
     def features(self, recording: Array) -> Array:
-        """Histograms (len(radii) * CODES,) of the patterns, each with sum 1."""
+        """Return histograms (len(radii) * CODES,) of the patterns, each with sum 1."""
         grey = cv2.cvtColor(recording, cv2.COLOR_RGB2GRAY)
         return np.concatenate([_histogram(grey, radius) for radius in self.radii])
 
     def make_estimator(self, seed: int) -> Any:  # noqa: ANN401
-        """Chi-square features and logistic regression."""
+        """Return chi-square features and logistic regression."""
         return make_pipeline(
             AdditiveChi2Sampler(), LogisticRegression(C=self.strength, max_iter=1000)
         )
 
 
 def _histogram(grey: Array, radius: int) -> Array:
-    """Shares (CODES,) of the patterns around all pixels whose neighbours lie in the photo."""
+    """Return shares (CODES,) of the patterns of pixels whose neighbours lie in the photo."""
     codes = local_binary_pattern(grey, NEIGHBOURS, radius, method="ror")  # type: ignore[no-untyped-call]
     inner = codes[radius:-radius, radius:-radius].astype(np.int64)
     shares: Array = np.bincount(inner.ravel(), minlength=CODES) / inner.size

@@ -283,7 +283,7 @@ class SurfaceClassifier(nn.Module):
         return self.layers[name][1]
 
     def _layers(self, name: str) -> tuple[Level, Level]:
-        """Layers of the embedding and of the fusion; fusion on FC2 removes the score layer."""
+        """Return the layers of embedding and fusion; fusion on FC2 removes the score layer."""
         level = "fc3" if self.fusion is None else self.fusion.levels[self._index(name)]
         if level == "fc3" and score_layer_of(self.senses[name].network) is not None:
             return "fc2", level
@@ -385,7 +385,7 @@ def join_novelties(outputs: Iterable[SenseOutput]) -> Tensor | None:
 
 
 def class_scores(network: nn.Module, features: Tensor) -> Tensor:
-    """Class scores (classes, positions) of FC2's features (D, positions)."""
+    """Return class scores (classes, positions) of FC2's features (D, positions)."""
     if isinstance(head := getattr(network, "head", None), Head):
         scores: Tensor = head.scores(features[None, :, :, None])
         return scores[0, :, :, 0]
@@ -395,12 +395,12 @@ def class_scores(network: nn.Module, features: Tensor) -> Tensor:
 
 
 def lightning_state(classifier: SurfaceClassifier) -> dict[str, Tensor]:
-    """The state of a classifier as a checkpoint of Lightning has it; see :func:`own_state`."""
+    """Return the classifier's state as a checkpoint of Lightning has it; see :func:`own_state`."""
     return {f"{PREFIX}{name}": value for name, value in classifier.state_dict().items()}
 
 
 def own_state(checkpoint: Mapping[str, Any]) -> dict[str, Tensor]:
-    """The state of the classifier in a checkpoint of Lightning."""
+    """Return the state of the classifier in a checkpoint of Lightning."""
     stored: dict[str, Tensor] = checkpoint["state_dict"]
     return {
         key.removeprefix(PREFIX): value for key, value in stored.items() if key.startswith(PREFIX)
@@ -408,7 +408,7 @@ def own_state(checkpoint: Mapping[str, Any]) -> dict[str, Tensor]:
 
 
 def content_seed(seed: int, *recordings: npt.NDArray[Any]) -> int:
-    """A seed from the content of a sample: its place in a batch or list cannot matter."""
+    """Return a seed from the content of a sample: its place in a batch or list cannot matter."""
     seed &= 0xFFFFFFFF
     for array in recordings:
         seed = zlib.crc32(np.ascontiguousarray(array).data, seed)

@@ -121,7 +121,7 @@ class FeatureStatistics(nn.Module):
         return least * features + (along * (scale - least)) @ self.directions
 
     def novelty(self, features: Tensor) -> Tensor:
-        """How unlike every class features (..., D) of whole recordings are: (...), 0 to 2.
+        """Return how unlike every class features (..., D) of whole recordings are: (...), 0 to 2.
 
         It is one minus the cosine to the closest class, after whitening by the covariance and
         centring on the mean of all classes: 0 in the direction of a class, 1 at a right angle to
@@ -149,7 +149,7 @@ def _principal(centred: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _shrunk(spread: Tensor, freedom: int, size: int) -> tuple[Tensor, Tensor]:
-    """Variances along the kept directions, and that along all others.
+    """Return variances along the kept directions, and that along all others.
 
     Oracle approximating shrinkage (Chen et al. 2010) of a sample covariance towards its mean
     variance.

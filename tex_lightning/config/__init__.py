@@ -108,7 +108,7 @@ class Config:
 
 
 def trunk_name(model: ModelConfig, sense: str) -> str:
-    """The sense; of photos the published name of the trunk, or that of its class."""
+    """Return the sense; of photos the published name of the trunk, or that of its class."""
     if sense != "visual":
         return sense
     if model.baseline is not None:
@@ -119,7 +119,7 @@ def trunk_name(model: ModelConfig, sense: str) -> str:
 
 
 def plain_values(node: Any) -> Any:  # noqa: ANN401
-    """A part of the configuration as plain values, Lightning's flags and a user's keys included."""
+    """Return a part of the configuration as plain values, a user's keys included."""
     if is_dataclass(node):
         node = vars(node)
     if isinstance(node, dict):
@@ -128,7 +128,7 @@ def plain_values(node: Any) -> Any:  # noqa: ANN401
 
 
 def flatten(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested plain values as one dictionary with dotted keys."""
+    """Return nested plain values as one dictionary with dotted keys."""
     flat: dict[str, Any] = {}
     for name, value in values.items():
         if isinstance(value, dict):
@@ -146,7 +146,7 @@ def register() -> None:
 
 @cache  # Hydra copies it; made anew it would be a sixth of every composition
 def _schema() -> DictConfig:
-    """The dataclasses as Hydra composes them: closed, except sections with keys of others."""
+    """Return the dataclasses as Hydra composes them: closed, but for keys of others."""
     node: DictConfig = OmegaConf.structured(Config)
     model = node.model
     fits = [model[name].fit for name in (*PACKAGE_SENSES, FUSION)]

@@ -203,7 +203,7 @@ def _record_rules(config: Config) -> Iterator[Rule]:
 
 
 def _is_plain_name(name: str) -> bool:
-    """Whether a folder can be called so on any system."""
+    """Return whether a folder can be called so on any system."""
     forbidden = set('/\\:*?"<>|')
     return name.isprintable() and name == name.strip(" .") != "" and not forbidden & {*name}
 

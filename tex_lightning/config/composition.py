@@ -39,7 +39,7 @@ FITS = {"signal": SignalFitConfig, "photo": PhotoFitConfig}  # by the medium of 
 
 
 def compose_config(overrides: Sequence[str] = ()) -> DictConfig:
-    """The configuration as a command line composes it.
+    """Return the configuration as a command line composes it.
 
     Args:
         overrides: Such as ``model=haptic``.
@@ -131,7 +131,7 @@ class Job:
 
 
 def current_job(*, python: bool = False) -> Job:
-    """The job that Hydra has just begun; nothing below asks Hydra again.
+    """Return the job that Hydra has just begun; nothing below asks Hydra again.
 
     Args:
         python: Whether a program in Python runs it.

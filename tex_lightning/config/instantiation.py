@@ -73,7 +73,7 @@ def build_derived(where: str, node: Mapping[str, Any], base: type, **offered: An
 
 
 def find_class(where: str, node: Mapping[str, Any]) -> type[Any]:
-    """The class that a node names.
+    """Return the class that a node names.
 
     Raises:
         UserError: If there is none.
@@ -85,7 +85,7 @@ def find_class(where: str, node: Mapping[str, Any]) -> type[Any]:
 
 
 def find_callable(where: str, node: Mapping[str, Any]) -> Callable[..., Any]:
-    """The class or function that a node names.
+    """Return the class or function that a node names.
 
     Raises:
         UserError: If there is none.
@@ -145,7 +145,7 @@ def _checked(
 
 
 def _has_nodes(value: object) -> bool:
-    """Whether a value holds more nodes to be built."""
+    """Return whether a value holds more nodes to be built."""
     if isinstance(value, Mapping):
         return TARGET in value or any(map(_has_nodes, value.values()))
     return isinstance(value, list | tuple) and any(map(_has_nodes, value))

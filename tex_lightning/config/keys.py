@@ -31,7 +31,7 @@ class Key:
     choices: tuple[object, ...] = ()
 
     def allows(self, value: float) -> bool:
-        """Whether a number is in range; NaN never is where there is a range."""
+        """Return whether a number is in range; NaN never is where there is a range."""
         if not self.range:
             return True
         low, high = map(float, self.range[1:-1].split(","))

@@ -225,12 +225,12 @@ class ModelConfig:
         return tuple(dict.fromkeys(self.sense(name).modality for name in self.senses))
 
     def sense(self, sense: str) -> SenseConfig:
-        """The configuration of one sense."""
+        """Return the configuration of one sense."""
         section: SenseConfig = getattr(self, sense)
         return section
 
     def fit_values(self, kind: str) -> dict[str, Any]:
-        """Training settings of one sense's network, or of ``fusion``, as plain values."""
+        """Return training settings of one sense's network, or of ``fusion``, as plain values."""
         return asdict(getattr(self, kind).fit)
 
 

@@ -39,7 +39,7 @@ def register_folders() -> None:
 
 
 def with_own_senses(overrides: Sequence[str]) -> list[str]:
-    """The overrides, and those that compose the senses in ``sense/`` of a user's folders.
+    """Return the overrides, and those that compose the senses in ``sense/`` of a user's folders.
 
     ``model.senses`` may name them then, as it does those of the package.
     """
@@ -51,7 +51,7 @@ def with_own_senses(overrides: Sequence[str]) -> list[str]:
 
 
 def _named_folders(overrides: Sequence[str]) -> Iterator[Path]:
-    """Folders that ``hydra.searchpath=[file://DIR,…]`` names."""
+    """Yield folders that ``hydra.searchpath=[file://DIR,…]`` names."""
     for override in overrides:
         key, _, value = override.partition("=")
         if key == "hydra.searchpath":
@@ -60,19 +60,19 @@ def _named_folders(overrides: Sequence[str]) -> Iterator[Path]:
 
 
 def _homes(package: str) -> Iterator[Path]:
-    """Folders of a top package, found without importing it."""
+    """Yield folders of a top package, found without importing it."""
     spec = find_spec(package)
     yield from map(Path, (spec and spec.submodule_search_locations) or ())
 
 
 def installed_packages() -> list[str]:
-    """Top packages that registered themselves under the entry-point group."""
+    """Return top packages that registered themselves under the entry-point group."""
     plugins = entry_points(group=ENTRY_POINTS)
     return sorted({entry.module.partition(".")[0] for entry in plugins})
 
 
 def user_folders() -> list[Path]:
-    """The command line's folder, then the ``conf`` of every registered package that has one."""
+    """Return the command line's folder, then the ``conf`` of every registered package."""
     folders = (home / "conf" for package in installed_packages() for home in _homes(package))
     return [*_GIVEN, *(folder for folder in folders if folder.is_dir())]
 

@@ -46,7 +46,7 @@ and TensorBoard events. README.md leads to the pages in docs/."""
 
 
 def asks(arguments: Sequence[str]) -> bool:
-    """Whether a command line asks for help or the version in place of a run."""
+    """Return whether a command line asks for help or the version in place of a run."""
     return any(item in FLAGS for item in arguments)
 
 
@@ -68,7 +68,7 @@ def answer(arguments: Sequence[str]) -> str:
 
 
 def _tasks() -> Iterator[str]:
-    """A line for each task: the first sentence of the comment in its file."""
+    """Yield a line for each task: the first sentence of the comment in its file."""
     for task in TASKS:
         text = (CONF / "task" / f"{task}.yaml").read_text(encoding="utf-8")
         comments = [line[2:] for line in text.splitlines() if line.startswith("# ")]
@@ -77,7 +77,7 @@ def _tasks() -> Iterator[str]:
 
 
 def config_groups() -> dict[str, list[str]]:
-    """Options of every configuration group, the user's behind those of the package."""
+    """Return options of every configuration group, the user's behind those of the package."""
     groups: dict[str, list[str]] = {}
     for folder in (CONF, *user_folders()):
         for file in sorted(folder.rglob("*.yaml")):
@@ -90,7 +90,7 @@ def config_groups() -> dict[str, list[str]]:
 
 
 def _listing(config: DictConfig) -> str:
-    """Groups and keys with their values, sections apart."""
+    """Return groups and keys with their values, sections apart."""
     lines = ["Groups and their options (group=option):", ""]
     for group, options in config_groups().items():
         lines += _wrapped(" | ".join(options), f"  {group}=", "      ")

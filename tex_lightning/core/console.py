@@ -92,7 +92,7 @@ def _warn(
 
 
 def is_interactive() -> bool:
-    """Whether a line can be drawn again: on a terminal that this process has for itself.
+    """Return whether a line can be drawn again: on a terminal that this process has for itself.
 
     ``FORCE_COLOR`` makes a file look like a terminal to Rich, and ``TERM=dumb`` is one without
     the control characters that it takes.

@@ -142,7 +142,7 @@ def _at_least(inputs: Tensor, frames: int) -> Tensor:
 
 
 def random_corner(photo: Photo, side: int, rng: np.random.Generator) -> tuple[int, int]:
-    """Row and column where a piece of ``side`` begins; 0 where the photo is smaller."""
+    """Return row and column where a piece of ``side`` begins; 0 where the photo is smaller."""
     top, left = (int(rng.integers(0, max(0, length - side) + 1)) for length in photo.shape[:2])
     return top, left
 

@@ -157,7 +157,7 @@ class SurfaceData(LightningDataModule):
         return int(progress.processed)  # type: ignore[attr-defined]  # annotated as its base
 
     def _share(self) -> slice:
-        """Every so manieth sample, from this process's number on."""
+        """Return every so manieth sample, from this process's number on."""
         if self.trainer is None:
             return WHOLE
         return slice(self.trainer.global_rank, None, self.trainer.world_size)
@@ -180,7 +180,7 @@ class SurfaceData(LightningDataModule):
 
 
 def _partners(labels: Indices, pool: Indices, rng: np.random.Generator) -> Indices:
-    """For each label a random index of the same label in ``pool``."""
+    """Return for each label a random index of the same label in ``pool``."""
     order = np.argsort(pool, kind="stable")
     first, last = (np.searchsorted(pool[order], labels, side=side) for side in ("left", "right"))
     return order[rng.integers(first, last)]

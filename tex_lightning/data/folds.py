@@ -86,7 +86,7 @@ def tested_part(by: Folding) -> str:
 
 
 def describe(where: Mapping[str, Any]) -> str:
-    """Conditions in words, as in ``speed 50 or 60 and light lamp``."""
+    """Return conditions in words, as in ``speed 50 or 60 and light lamp``."""
     return " and ".join(
         f"{name} {' or '.join(map(str, _values(wanted)))}" for name, wanted in where.items()
     )

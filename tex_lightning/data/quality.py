@@ -134,7 +134,7 @@ def _photo_measures(photo: Photo) -> dict[str, float]:
 
 
 def limits(ranges: Ranges) -> dict[str, tuple[float, float, str]]:
-    """Smallest and largest usual value of each measure, and the warning for others."""
+    """Return the smallest and largest usual value of each measure, and the warning for others."""
     usual = {}
     for name, (low, high) in ranges.items():
         factor, remedy = MEASURES[name]

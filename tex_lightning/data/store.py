@@ -257,5 +257,5 @@ def load_recording(row: Recording, store: Store) -> Tensor:
 
 
 def load_sample(sample: Sample, store: Store) -> dict[str, Tensor]:
-    """Decoded recordings of a sample by modality, copied to memory."""
+    """Return decoded recordings of a sample by modality, copied to memory."""
     return {name: load_recording(row, store) for name, row in sample.recordings.items()}

@@ -44,7 +44,7 @@ def confidences(outcomes: Sequence[Outcome]) -> Array:
 
 
 def correct_votes(outcomes: Sequence[Outcome]) -> npt.NDArray[np.bool_]:
-    """Whether each vote is correct."""
+    """Return whether each vote is correct."""
     return np.array([outcome.label == outcome.predicted for outcome in outcomes])
 
 

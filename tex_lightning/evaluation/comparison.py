@@ -11,7 +11,7 @@ from tex_lightning.evaluation.outcomes import Outcome
 
 
 def mcnemar(one: Sequence[bool], other: Sequence[bool]) -> tuple[int, int, float]:
-    """Exact McNemar test of two systems' successes on the same samples.
+    """Perform the exact McNemar test of two systems' successes on the same samples.
 
     Only samples that exactly one of them classifies correctly say anything; under the hypothesis
     of equal accuracy each of these is a fair coin.
@@ -73,7 +73,7 @@ def _within(best: Votes, other: Votes) -> bool:
 
 
 def pareto(points: Mapping[str, tuple[float, float]]) -> set[str]:
-    """Names of the points (cost, accuracy) that no other point beats in both.
+    """Return names of the points (cost, accuracy) that no other point beats in both.
 
     Of points that are equal in both, all are kept.
     """

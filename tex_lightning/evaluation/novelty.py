@@ -69,7 +69,7 @@ def pool_unknown(
 
 
 def unknown_entry(tested: Sequence[Tested], rate: float | None) -> dict[str, Any]:
-    """What ``results.json`` says of samples of classes never seen.
+    """Return what ``results.json`` says of samples of classes never seen.
 
     Returns:
         Under ``unknown``: ``classes`` never seen and their ``samples``; ``auroc``, the chance that
@@ -95,7 +95,7 @@ def unknown_entry(tested: Sequence[Tested], rate: float | None) -> dict[str, Any
 
 
 def _rejection(tested: Sequence[Tested]) -> dict[str, Any]:
-    """What the thresholds do; only ``threshold``, None, where a network has none."""
+    """Return what the thresholds do; only ``threshold``, None, where a network has none."""
     limits = [limit for _, _, limit in tested if limit is not None]
     if len(limits) < len(tested):
         return {"threshold": None}

@@ -81,7 +81,7 @@ class Outcome:
 
 
 def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """Accuracies, Wilson interval, counts and latency of a list of outcomes."""
+    """Return accuracies, Wilson interval, counts and latency of a list of outcomes."""
     correct = sum(outcome.label == outcome.predicted for outcome in outcomes)
     latencies = [outcome.latency_ms for outcome in outcomes]
     return {
@@ -110,7 +110,7 @@ def optimized_value(results: dict[str, Any]) -> float:
 
 
 def wilson_interval(correct: int, count: int) -> list[float]:
-    """Wilson's 95 % interval of a share."""
+    """Return Wilson's 95 % interval of a share."""
     interval = scipy.stats.binomtest(correct, count).proportion_ci(
         confidence_level=0.95, method="wilson"
     )
@@ -142,7 +142,7 @@ def write_results(path: Path, results: dict[str, Any]) -> None:
 
 
 def environment(device: torch.device) -> dict[str, Any]:
-    """The environment in which a figure was measured."""
+    """Return the environment in which a figure was measured."""
     name = torch.cuda.get_device_name(device) if device.type == "cuda" else device.type
     return {
         "versions": {
@@ -159,7 +159,7 @@ def environment(device: torch.device) -> dict[str, Any]:
 
 
 def _commit(root: Path) -> str | None:
-    """The commit of a checkout, with ``-dirty`` if files of it were changed; None elsewhere."""
+    """Return the commit of a checkout, ``-dirty`` if files were changed; None elsewhere."""
     if not (root / ".git").exists():  # installed, perhaps below a checkout of something else
         return None
     command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--exclude=*"]
@@ -195,7 +195,7 @@ Votes = tuple[str, str, int, int]  # name, value, correct, test samples
 
 
 def by_condition(samples: Sequence[Sample], outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """Part of a network's entry of ``results.json``; empty where nothing has conditions.
+    """Return part of a network's entry of ``results.json``; empty where nothing has conditions.
 
     A sample of several senses has the conditions of all its recordings.
 
@@ -242,7 +242,7 @@ def _entry(votes: Iterable[Votes]) -> dict[str, Any]:
 
 
 def counted(correct: int, count: int) -> dict[str, Any]:
-    """Counts of votes as an entry of ``results.json`` has them."""
+    """Return counts of votes as an entry of ``results.json`` has them."""
     return {
         "correct": correct,
         "test_samples": count,

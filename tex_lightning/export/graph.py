@@ -43,7 +43,7 @@ class CeilMaxPool(nn.Module):
 
     @staticmethod
     def fits(layer: nn.Module) -> bool:
-        """Whether a layer is such a pooling."""
+        """Return whether a layer is such a pooling."""
         if not isinstance(layer, nn.MaxPool2d) or not layer.ceil_mode:
             return False
         square = isinstance(layer.kernel_size, int) and isinstance(layer.stride, int)
@@ -143,7 +143,7 @@ class PhotoGraph(nn.Module):
         self.features, self.half_scale, self.least = features, half_scale, least
 
     def forward(self, photo: Tensor) -> Tensor:
-        """Photo (height, width, 3) uint8 to network input (1, 3, height, width)."""
+        """Map a photo (height, width, 3) uint8 to network input (1, 3, height, width)."""
         height, width = (_open(size, self.least) for size in photo.shape[:2])
         planes = photo[:height, :width].permute(2, 0, 1)[None]
         if self.half_scale:  # a last row or column of an odd number is left out
@@ -153,7 +153,7 @@ class PhotoGraph(nn.Module):
 
 
 def _open(size: int, least: int) -> Any:  # noqa: ANN401
-    """A size as a value of which the tracer assumes nothing.
+    """Return a size as a value of which the tracer assumes nothing.
 
     Of a size as such it notes in passing that there is more than one row, as in its example.
     """

@@ -26,7 +26,7 @@ FRAMES: dict[str, Any] = {"hop_seconds": None, "window_seconds": None, "frequenc
 
 
 def metadata(classifier: SurfaceClassifier) -> dict[str, Any]:
-    """Plain values for JSON: classes, senses, decision, ranges of the training recordings."""
+    """Return plain values for JSON: classes, senses, decision, ranges of the training."""
     card = classifier.card
     # share of known samples that may be called unknown, and the novelty that follows from it
     unknown = {"rate": card.unknown, "threshold": card.unknown_above}
@@ -83,7 +83,7 @@ def _sense(sense: Sense, card: Card) -> dict[str, Any]:
 
 
 def _least(sense: Sense) -> int | None:
-    """Samples of movement, or pixels a side after halving, that one fragment takes."""
+    """Return the samples of movement, or pixels a side after halving, that one fragment takes."""
     if not sense.knows_min_size:
         return None
     if isinstance(sense.features, SpectrogramFeatures):

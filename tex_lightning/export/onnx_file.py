@@ -59,7 +59,7 @@ def make_onnx(classifier: SurfaceClassifier) -> Any:  # noqa: ANN401
 
 
 def without_defaults(model: Any) -> Any:  # noqa: ANN401
-    """A copy all inputs of which have to be given: ONNX Runtime Web hides those with a default."""
+    """Return a copy that needs all inputs: ONNX Runtime Web hides those with a default."""
     copy = type(model)()
     copy.CopyFrom(model)
     inputs = {value.name for value in model.graph.input}

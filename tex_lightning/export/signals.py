@@ -28,7 +28,7 @@ from tex_lightning.senses.features.spectrogram import (
 
 
 def traced_start(trace: Tensor, sampling_rate: float) -> Tensor:
-    """:func:`.movement_start` as one graph for recordings of any length.
+    """Compute :func:`.movement_start` as one graph for recordings of any length.
 
     The beginning is filled up with zeros to the time after which nothing changes the start, and
     a touch that would need the zeros does not count.
@@ -67,7 +67,7 @@ def promise(condition: Any) -> None:  # noqa: ANN401
 
 
 def movement(trace: Tensor, start: Tensor, least: int) -> Tensor:
-    """The samples (axes, samples) from ``start`` on; at least ``least`` are promised."""
+    """Return the samples (axes, samples) from ``start`` on; at least ``least`` are promised."""
     begin: Any = start.item()
     promise(begin >= 0)
     promise(begin <= trace.shape[-1] - least)
@@ -111,7 +111,7 @@ class BandPower(nn.Module):
         self.register_buffer("weights", filters.float()[:, mirrored].T * once[:, None])
 
     def forward(self, trace: Tensor) -> Tensor:
-        """Signal (axes, samples), at least a window long, to power (bands, frames)."""
+        """Map a signal (axes, samples), at least a window long, to power (bands, frames)."""
         length = len(self.window)
         count = (trace.shape[-1] - length) // self.hop + 1
         axes = trace.shape[0]
@@ -129,7 +129,7 @@ class BandPower(nn.Module):
         return bands
 
     def _frames(self, trace: Tensor, count: int) -> Tensor:
-        """Frames (axes, count, samples), put together of blocks: one by one takes much longer."""
+        """Join frames (axes, count, samples) of blocks: one by one takes much longer."""
         length = len(self.window)
         block = math.gcd(length, self.hop)
         blocks = trace.shape[-1] // block
@@ -140,7 +140,7 @@ class BandPower(nn.Module):
 
 
 def factors(length: int) -> tuple[int, int]:
-    """P and Q with P Q = length for which both stages together take the fewest products."""
+    """Return P and Q with P Q = length for which both stages together take the fewest products."""
     pairs = [(outer, length // outer) for outer in range(1, length + 1) if length % outer == 0]
     return min(pairs, key=lambda pair: pair[0] + 2 * pair[1])
 
@@ -210,7 +210,7 @@ class ProportionsGraph(nn.Module):
         return features.join(responses, trace, fragments)
 
     def _fragments(self, samples: int, fewest: int) -> Any:  # noqa: ANN401
-        """How many fragments the whole signal is cut into."""
+        """Return how many fragments the whole signal is cut into."""
         features = self.features
         seconds = torch.scalar_tensor(samples, dtype=torch.float64) / features.sampling_rate
         count = (seconds / features.fragment_seconds).round().long().clamp(min=1)

@@ -61,7 +61,7 @@ def trace(
 
 
 def untraceable(classifier: SurfaceClassifier, error: Exception) -> UserError:
-    """The error for a network that cannot be exported."""
+    """Return the error for a network that cannot be exported."""
     parts = {
         type(part).__name__: None
         for sense in classifier.senses.values()
@@ -86,7 +86,7 @@ def draws(seed: int, count: int, senses: int) -> Tensor:
 
 
 def example(sense: Sense, seed: int = 0) -> Tensor:
-    """A recording of noise that gives several positions."""
+    """Return a recording of noise that gives several positions."""
     generator = torch.Generator().manual_seed(seed)
     decoder = sense.decoder
     if isinstance(decoder, SignalDecoder):
@@ -100,7 +100,7 @@ def example(sense: Sense, seed: int = 0) -> Tensor:
 
 
 def branch_step(sense: Sense) -> int:
-    """Pixels to a second row of positions."""
+    """Return the pixels to a second row of positions."""
     return SIDE // 8 if sense.geometry is None else sense.stride
 
 

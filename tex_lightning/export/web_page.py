@@ -40,7 +40,7 @@ def page_files(metadata: Mapping[str, Any], runtime: Mapping[str, bytes]) -> dic
 
 
 def _place(name: str) -> str:
-    """The path of a source in the page's folder."""
+    """Return the path of a source in the page's folder."""
     return f"script/{name}" if name.endswith(".js") else name
 
 
@@ -59,7 +59,7 @@ REMEDY = f"give that package (npm pack {NAME}@{VERSION}) by export.web_runtime"
 
 
 def runtime_files(path: str | None, cache: Path) -> dict[str, bytes]:
-    """The files of ONNX Runtime Web by their names in the page.
+    """Return the files of ONNX Runtime Web by their names in the page.
 
     Args:
         path: The npm package; None fetches it once from the registry, or from that of

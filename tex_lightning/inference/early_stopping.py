@@ -73,7 +73,7 @@ def make_inference_model(
 
 
 def is_local(sense: Sense) -> bool:
-    """Whether a frame of a sense depends on its own samples, and a position on its own frames."""
+    """Return whether a frame depends on its own samples, and a position on its own frames."""
     features = sense.features
     local = isinstance(features, SpectrogramFeatures) and (
         (features.axes, features.normalisation) == ("frame", "standard")
@@ -82,7 +82,7 @@ def is_local(sense: Sense) -> bool:
 
 
 def is_confident(probability: float, threshold: float) -> bool:
-    """Whether a mean class probability decides; a threshold of 1 or more is never reached."""
+    """Return whether a mean class probability decides; a threshold of 1 is never reached."""
     return probability >= (threshold if threshold < 1 else inf)
 
 
@@ -111,7 +111,7 @@ class SequentialClassifier(SurfaceClassifier):
         return self.full.device
 
     def logits(self, **recordings: Tensor) -> Tensor:
-        """Class scores of all fragments; see the base class."""
+        """Return class scores of all fragments; see the base class."""
         return self.full.logits(**recordings)
 
     @torch.inference_mode()
@@ -162,7 +162,7 @@ class SequentialClassifier(SurfaceClassifier):
         return replace(vote, relative_macs=spent / sum(costs.values()))
 
     def _sum(self, partials: list[Tensor], seed: int) -> Tensor:
-        """Class scores of random tuples of positions, those of the full vote; one sense's own."""
+        """Return class scores of the tuples that the full vote draws; of one sense its own."""
         if len(partials) == 1:
             return partials[0]
         counts = [partial.shape[1] for partial in partials]
@@ -171,7 +171,7 @@ class SequentialClassifier(SurfaceClassifier):
         return reduce(torch.add, drawn)
 
     def _cost(self, sense: Sense, recording: Tensor) -> int:
-        """Multiply-accumulates of one sense, of a recording that is large enough.
+        """Count the multiply-accumulates of one sense, of a recording that is large enough.
 
         Of a network that does not say what it makes of a recording they are counted on the first
         one, and taken as proportional to its size for others: computing tells, but costs as much.

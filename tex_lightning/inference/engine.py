@@ -93,7 +93,7 @@ def _affine(norm: nn.BatchNorm2d) -> tuple[Tensor, Tensor]:
 
 @torch.no_grad()
 def _scaled(conv: nn.Conv2d, scale: Tensor, shift: Tensor) -> nn.Conv2d:
-    """A convolution that gives ``scale * conv(x) + shift``."""
+    """Return a convolution that gives ``scale * conv(x) + shift``."""
     bias = shift if conv.bias is None else shift + scale * conv.bias.double()
     conv.weight.copy_(conv.weight.double() * scale[:, None, None, None])
     conv.bias = nn.Parameter(bias.to(conv.weight.dtype), requires_grad=False)
@@ -136,7 +136,7 @@ def _rewrite(network: nn.Module) -> None:
 
 
 def count_macs(function: Callable[[], object]) -> int:
-    """Multiply-accumulates of the convolutions and matrix products that a function runs.
+    """Count the multiply-accumulates of the convolutions and matrix products that a function runs.
 
     PyTorch counts two operations for each; normalisation, pooling and Fourier transforms are not
     counted.

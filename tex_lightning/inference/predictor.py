@@ -187,12 +187,12 @@ class Predictor:
             raise UserError(f"There is nothing to classify; give {some}.")
 
     def _senses(self, modalities: Collection[str]) -> tuple[str, ...]:
-        """Those whose recordings are there."""
+        """Return those whose recordings are there."""
         senses = self.classifier.senses.items()
         return tuple(name for name, sense in senses if sense.modality in modalities)
 
     def _decider(self, senses: tuple[str, ...]) -> SurfaceClassifier:
-        """What decides by these senses: of a FusionNet perhaps a part."""
+        """Return what decides by these senses: of a FusionNet perhaps a part."""
         if senses not in self._deciders:
             part = self.classifier.with_senses(senses)
             needed = self.card.unknown_above is not None
@@ -204,7 +204,7 @@ class Predictor:
     def _decoded(
         self, inputs: Mapping[str, Input], rate: float | None, colour: str
     ) -> dict[str, tuple[Tensor, Quality]]:
-        """Decoded recordings by modality, and what is wrong with them."""
+        """Return decoded recordings by modality, and what is wrong with them."""
         decoded: dict[str, tuple[Tensor, Quality]] = {}
         rate = self.config.data.file_rate if rate is None else rate
         how = {"rate": rate, "colour": colour}

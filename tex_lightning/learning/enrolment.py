@@ -36,7 +36,7 @@ def fit_new_class_weights(
     temperature: float,
     new_bias: float | None,
 ) -> tuple[Tensor, Tensor]:
-    """Weights (added, D) and biases (added,) of the new classes.
+    """Fit weights (added, D) and biases (added,) of the new classes.
 
     Args:
         statistics: Statistics of all classes, the new ones last.
@@ -72,7 +72,7 @@ def fit_new_class_weights(
 
 
 def _examples(statistics: FeatureStatistics, features: Fragments) -> tuple[Tensor, Tensor, Tensor]:
-    """Features (N, D), their classes and what each counts for; all classes count alike.
+    """Return features (N, D), their classes and what each counts for; all classes count alike.
 
     Of every class features are drawn as those of recordings are distributed, and moved as the
     fragments of the new recordings lie about the mean of theirs: fragments are what will vote. The
@@ -93,7 +93,7 @@ def _examples(statistics: FeatureStatistics, features: Fragments) -> tuple[Tenso
 
 
 def _some(features: Tensor) -> Tensor:
-    """Fragments (n, D) of a recording's features (D, positions), evenly spread."""
+    """Return fragments (n, D) of a recording's features (D, positions), evenly spread."""
     step = -(-features.shape[1] // FRAGMENTS)
     return features[:, ::step].T
 

@@ -136,7 +136,7 @@ class SurfaceModule(LightningModule):
         return backbone, [weight for weight in self.network.parameters() if weight not in trunk]
 
     def scores(self, batch: Batch) -> Tensor:
-        """Class scores (batch, classes, fragments or tuples) of a training batch."""
+        """Return class scores (batch, classes, fragments or tuples) of a training batch."""
         if self.is_frozen:
             return self._fused(batch[name]["input"] for name in self.classifier.senses)
         inputs, senses = self.inputs(batch), self.classifier.senses.values()

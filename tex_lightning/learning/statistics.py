@@ -72,7 +72,7 @@ def keep_statistics(
 def left_out_novelties(
     features: Tensor, labels: Tensor, classes: int, groups: Sequence[str]
 ) -> list[float]:
-    """Novelty of every training recording by statistics without its part of the groups.
+    """Return the novelty of every training recording by statistics without its part of the groups.
 
     Args:
         features: (recordings, D).
@@ -99,7 +99,7 @@ def _texture_features(
     rows: Sequence[Recording],
     store: Store,
 ) -> Tensor:
-    """Features (recordings, D), on the CPU, of whole photos that the store may have."""
+    """Return features (recordings, D), on the CPU, of whole photos that the store may have."""
     trunk = FrozenTrunk(fast, name)
     photos = track(rows, f"Statistics of {plural(rows[0].modality)}")
     raw = [trunk.kept(store.load(row), (0, 0), row, store) for row in photos]
@@ -133,7 +133,7 @@ def embedding_banks(
 def position_features(
     classifier: SurfaceClassifier, name: str, rows: Sequence[Recording], store: Store
 ) -> Iterator[Tensor]:
-    """Features (D, positions) of one sense, on the CPU, of each recording.
+    """Yield features (D, positions) of one sense, on the CPU, of each recording.
 
     Args:
         classifier: In evaluation mode.

@@ -172,7 +172,7 @@ def try_baseline(classifier: BaselineClassifier, recordings: Sequence[Tensor]) -
 
 
 def _parts(sense: Sense) -> tuple[Part, Part]:
-    """Features and network, as a contract names them."""
+    """Return features and network, as a contract names them."""
     key, network = f"model.{sense.name}", sense.network
     if isinstance(network, FittedBaseline):
         return (f"{key}.features", "features", sense.features), as_part(network.baseline)

@@ -71,7 +71,7 @@ class SameConv2d(nn.Conv2d):
 
     @staticmethod
     def geometry(kernel: int, stride: int) -> Window:
-        """An odd kernel, and a stride of 1 or 2."""
+        """Return the window of an odd kernel and a stride of 1 or 2."""
         return Window(kernel, stride, (kernel - stride) // 2, beyond=stride - 1)
 
     def forward(self, x: Tensor) -> Tensor:
@@ -175,7 +175,7 @@ class Head(nn.Module):
 
 
 def score_layer_of(network: nn.Module) -> ScoreLayer | None:
-    """The ``score_layer`` of a network, which leads from FC2's features to the class scores.
+    """Return the ``score_layer`` of a network, which leads from FC2's features to the class scores.
 
     It is linear, of kernel 1 and with a bias, so that every class has a row of weights and a bias
     of its own. None of a network without one is fused on its class scores.

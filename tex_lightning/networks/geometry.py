@@ -89,7 +89,7 @@ def _layers(network: nn.Module) -> Layers:
 
 
 def _probe(network: nn.Module, example: Tensor, *, rows_vary: bool) -> Geometry | None:
-    """The geometry that the layers of a network tell, if it cuts and counts as they do."""
+    """Return the geometry that the layers of a network tell, if it cuts and counts as they do."""
     network, layers = deepcopy(network).eval(), _layers(network)  # it may keep what it is given
     sides = [next(side for side in count(1) if side_after(windows, side)) for windows in layers]
     least = (sides[0] if rows_vary else example.shape[2]), sides[1]
@@ -106,7 +106,7 @@ def _probe(network: nn.Module, example: Tensor, *, rows_vary: bool) -> Geometry 
 
 
 def _holds(network: Any, geometry: Geometry, example: Tensor, axis: int, more: int) -> bool:  # noqa: ANN401
-    """Whether pieces along an axis give what the whole does."""
+    """Return whether pieces along an axis give what the whole does."""
 
     def run(x: Tensor, level: str = "fc3") -> Tensor:
         features: Tensor = network.features(x, level)
@@ -126,7 +126,7 @@ def _holds(network: Any, geometry: Geometry, example: Tensor, axis: int, more: i
 
 
 def layer_windows(network: nn.Module, axis: int) -> list[Window]:
-    """Geometry along one axis of every convolution and pooling of a network, in order.
+    """Return the geometry along one axis of every convolution and pooling of a network, in order.
 
     Args:
         network: HapticNet, VisualNet or a part of them.
@@ -146,7 +146,7 @@ def layer_windows(network: nn.Module, axis: int) -> list[Window]:
 
 
 def receptive_field(windows: Sequence[Window]) -> int:
-    """Elements along one axis that one position of layers in a row depends on."""
+    """Count the elements along one axis that one position of layers in a row depends on."""
     reach = 1
     for window in reversed(windows):
         reach = (reach - 1) * window.stride + window.kernel
@@ -161,7 +161,7 @@ def side_after(windows: Iterable[Window], side: int) -> int:
 
 
 def affordable(windows: Layers, most: int | None) -> int | None:
-    """Largest H * W of a piece, raised where a piece would be mostly margin.
+    """Return the largest H * W of a piece, raised where a piece would be mostly margin.
 
     The receptive field of EfficientNet-Lite2 is 1307 pixels along each axis: with pieces of two
     million pixels, a photo of eight million would be computed 178 times over.

@@ -199,7 +199,7 @@ NORM_AFTER = {
 
 
 def fold_statistics(content: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Weight and bias of every convolution that gives what it and its normalisation gave.
+    """Return weight and bias of every convolution that gives what it and its normalisation gave.
 
     Args:
         content: Tensors by their names in the file.

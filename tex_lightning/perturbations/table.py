@@ -51,7 +51,7 @@ class Perturbation:
         return self.function is not None and "." in self.function
 
     def value(self, severity: float) -> float:
-        """The value, in ``unit``, of any severity from 0 to 5."""
+        """Return the value, in ``unit``, of any severity from 0 to 5."""
         levels = np.array(self.levels, dtype=np.float64)
         if self.log:
             levels = np.log(levels)
@@ -89,7 +89,7 @@ def perturbations() -> dict[str, Perturbation]:
 
 
 def read_severities(path: str | Path) -> dict[str, Perturbation]:
-    """Perturbations of a user's own table, in the form of ``severities.yaml``.
+    """Return perturbations of a user's own table, in the form of ``severities.yaml``.
 
     Every line also names its ``function``, by a dotted path or one of the package. It takes a
     signal (axes, samples) float32 or a photo (height, width, 3) uint8, a value between two levels,

@@ -48,7 +48,7 @@ def write_figure(figure: Figure, path: Path) -> None:
 def make_grid(
     count: int, most: int, size: tuple[float, float], *, sharey: bool = False
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of ``count`` charts of a ``size`` in inches, at ``most`` so many in a row."""
+    """Return a figure of ``count`` charts of a ``size`` in inches, at ``most`` so many in a row."""
     columns = min(count, most)
     rows = -(-count // columns)
     figure = Figure(figsize=(size[0] * columns, size[1] * rows), layout="constrained")

@@ -73,7 +73,7 @@ class System:
 
 
 def read_systems(runs: Iterable[Path]) -> list[System]:
-    """All systems that finished runs have tested; runs that differ in the fold alone are pooled.
+    """Read all systems that runs have tested; those that differ in the fold alone are pooled.
 
     Args:
         runs: Run folders of ``fit``, ``crossval`` or ``evaluate``; others are passed over.
@@ -97,7 +97,7 @@ def read_systems(runs: Iterable[Path]) -> list[System]:
 
 
 def _variants(runs: Sequence[Path]) -> list[str]:
-    """What each run of one model has set differently from the others."""
+    """Return what each run of one model has set differently from the others."""
     every = [run_settings(run) for run in runs]
     keys = {key for settings in every for key in settings if not key.startswith(POOLED)}
     differing = [key for key in keys if len({str(settings.get(key)) for settings in every}) > 1]
@@ -144,7 +144,7 @@ def comparison_tables(systems: Sequence[System]) -> list[Table]:
 
 
 def accuracy_table(name: str, systems: Sequence[System]) -> Table:
-    """A line for each system, with the paper's figures where these are of the same data."""
+    """Return a line for each system, with the paper's figures where these are of the same data."""
     table = paper_table(name)
     order = [row["model"] for row in table.get("rows", ())]
     ordered = sorted(

@@ -75,7 +75,7 @@ def stability_figures(
 def curves(
     trials: Sequence[StabilityRow], table: Mapping[str, Perturbation], modality: str
 ) -> Figure:
-    """One small chart per perturbation, one line per system."""
+    """Draw one small chart per perturbation, one line per system."""
     names = list(dict.fromkeys(trial.perturbation for trial in trials))
     drawn = looks(trial.system for trial in trials)
     figure, grid = make_grid(len(names), CHARTS_IN_ROW, (2.6, 2.3), sharey=True)

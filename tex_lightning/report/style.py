@@ -66,6 +66,6 @@ def looks(names: Iterable[str]) -> dict[str, Look]:
 
 
 def brief(name: str, longest: int = MAX_NAME) -> str:
-    """A name as a figure has it, in at most about so many characters: without its middle."""
+    """Return a name as a figure has it, in at most about so many characters: without its middle."""
     name, half = printable(name), longest // 2
     return name if len(name) <= longest else f"{name[:half]}…{name[-half:]}"

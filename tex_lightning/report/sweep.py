@@ -129,12 +129,12 @@ def _summarise(directory: Path) -> None:
 
 
 def runs_side_by_side(config: DictConfig) -> bool:
-    """Whether a launcher runs the jobs of a sweep in processes of their own."""
+    """Return whether a launcher runs the jobs of a sweep in processes of their own."""
     return str(OmegaConf.select(config, "hydra.launcher._target_")) != ONE_BY_ONE
 
 
 def _rows(job: Path) -> list[Row]:
-    """A row for each network that a job tested, or one that says what became of it."""
+    """Return a row for each network that a job tested, or one that says what became of it."""
     start: Row = {"job": job.name, "overrides": run_overrides(job), "settings": run_settings(job)}
     if (job / FAILURE).is_file():
         failure = read_record(job / FAILURE)
@@ -161,7 +161,7 @@ def _rows(job: Path) -> list[Row]:
 
 
 def _pooled(rows: Sequence[Row]) -> list[Row]:
-    """Counts over jobs that differ in the tested fold alone, then means over seeds."""
+    """Return counts over jobs that differ in the tested fold alone, then means over seeds."""
     tested = [row for row in rows if "vote_accuracy" in row]
     folds, whole = [], []
     for members in _alike(tested, FOLD_KEYS):
@@ -181,7 +181,7 @@ def _pooled(rows: Sequence[Row]) -> list[Row]:
 
 
 def _alike(rows: Sequence[Row], keys: tuple[str, ...]) -> list[list[Row]]:
-    """Groups of rows of one network whose settings differ in ``keys`` alone."""
+    """Return groups of rows of one network whose settings differ in ``keys`` alone."""
     groups: dict[str, list[Row]] = {}
     for row in rows:
         kept = {key: value for key, value in row["settings"].items() if key not in keys}
@@ -219,7 +219,7 @@ def _print(rows: Sequence[Row], directory: Path) -> None:
 
 
 def _figures(row: Row) -> tuple[str, ...]:
-    """Votes, interval and time of a row, as far as it has them."""
+    """Return votes, interval and time of a row, as far as it has them."""
     if "vote_accuracy" not in row:
         return ("done" if row["status"] == "done" else "failed",)
     fit = f"{row['fit_seconds']:.1f}"

@@ -53,7 +53,7 @@ class Table(NamedTuple):
 
 
 def facts(results: Mapping[str, Any]) -> dict[str, dict[str, str]]:
-    """What tables and the page say of each tested network, by its name."""
+    """Return what tables and the page say of each tested network, by its name."""
     networks: Mapping[str, Network] = results.get("networks", {})
     return {
         name: {
@@ -74,7 +74,7 @@ def facts(results: Mapping[str, Any]) -> dict[str, dict[str, str]]:
 
 
 def counted(votes: Mapping[str, Any]) -> str:
-    """Accuracy, and the counts behind it."""
+    """Return accuracy, and the counts behind it."""
     return f"{votes['vote_accuracy']:.1%} ({votes['correct']}/{votes['test_samples']})"
 
 
@@ -143,7 +143,7 @@ def condition_rows(networks: Mapping[str, Network]) -> list[dict[str, str]]:
 
 
 def make_table(title: str, names: Sequence[str], figures: Sequence[str]) -> Screened:
-    """A table of the terminal with as little ink as fits 80 columns.
+    """Return a table of the terminal with as little ink as fits 80 columns.
 
     Args:
         title: Above it.
@@ -173,7 +173,7 @@ def read_or_empty(path: Path) -> dict[str, Any]:
 
 
 def run_settings(directory: Path) -> dict[str, Any]:
-    """Settings of a run folder by dotted key."""
+    """Return settings of a run folder by dotted key."""
     return read_or_empty(directory / SETTINGS)
 
 
@@ -187,7 +187,7 @@ def run_overrides(directory: Path) -> list[str]:
 
 
 def is_tiny(overrides: Sequence[str]) -> bool:
-    """Whether a run only tried the plumbing."""
+    """Return whether a run only tried the plumbing."""
     return "debug=tiny" in [item.lstrip("+") for item in overrides]
 
 

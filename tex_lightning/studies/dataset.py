@@ -85,7 +85,7 @@ class Dataset:
         return replace(self, recordings=known, unknown=held, skipped=skipped)
 
     def parts(self, by: Folding) -> Split:
-        """Training, validation and test recordings, checked."""
+        """Return training, validation and test recordings, checked."""
         parts = split(self.recordings, by)
         check_split(parts, self.classes, tuple(self.store.decoders), by)
         return parts

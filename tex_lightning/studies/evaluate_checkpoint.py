@@ -35,7 +35,7 @@ def results_frame(
     networks: dict[str, Any],
     seconds: float,
 ) -> dict[str, Any]:
-    """The entries of ``results.json`` around its networks."""
+    """Return the entries of ``results.json`` around its networks."""
     return {
         "task": config.task,
         "model": model,
@@ -94,7 +94,7 @@ def report_network(
 
 
 def pooled_metrics(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """Entries of ``results.json`` that follow from the outcomes of one fold or of several."""
+    """Return entries of ``results.json`` that follow from the outcomes of some folds."""
     entry = {**summarise(outcomes), "calibration": calibration(outcomes)}
     if any(outcome.relative_macs != 1 for outcome in outcomes):  # of sequential decisions
         entry["relative_macs"] = fmean(outcome.relative_macs for outcome in outcomes)

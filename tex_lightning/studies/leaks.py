@@ -26,7 +26,7 @@ WHERE = "test_where"
 def trained_on(
     card: Card, parts: Split, data: DataConfig, begun: Sequence[Card], source: str | None
 ) -> dict[str, Any]:
-    """Digests of the recordings that a network is trained on, and the fold that is left out.
+    """Return digests of the recordings that a network is trained on, and the fold that is left out.
 
     Args:
         card: Card of the network to train.
@@ -52,7 +52,7 @@ def trained_on(
 
 
 def digests(rows: Iterable[Recording]) -> list[str]:
-    """Digest of each recording: that of its file's content, and its part of the file."""
+    """Return digest of each recording: that of its file's content, and its part of the file."""
     identities = ((fingerprint(row.path), row.part) for row in rows)
     return [
         digest if part is None else f"{digest}#{write_part(part)}" for digest, part in identities

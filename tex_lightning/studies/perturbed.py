@@ -67,11 +67,11 @@ class PerturbedDataset:
         self.stores.update((row, store) for row in rows)
 
     def clean(self, row: Recording) -> Array:
-        """The recording as decoded."""
+        """Return the recording as decoded."""
         return self.stores[row].load(row)
 
     def perturbed(self, row: Recording, perturbation: Perturbation, severity: float) -> Array:
-        """The recording perturbed."""
+        """Return the recording perturbed."""
         if self._now != (perturbation, severity):
             self._now, self._perturbed = (perturbation, severity), {}
         if row not in self._perturbed:
@@ -283,7 +283,7 @@ def _checkpoints(path: Path) -> dict[str, list[TestedCheckpoint]]:
 
 
 def _load(config: Config, path: Path, fold: int | None, datasets: Datasets) -> SystemFold:
-    """One checkpoint and its test samples, whose recordings join those decoded alike."""
+    """Return one checkpoint and its test samples, whose recordings join those decoded alike."""
     loaded = load_classifier(path)
     data = config.data if fold is None else config.on_fold(fold).data
     dataset = open_test_data(data, loaded, f"Checkpoint {path}")
@@ -301,7 +301,7 @@ def _load(config: Config, path: Path, fold: int | None, datasets: Datasets) -> S
 
 
 def _title(path: Path, kind: str, classifier: SurfaceClassifier) -> str:
-    """The model of a run; the kind of a network that only accompanies it, or of a bare file."""
+    """Return the model of a run, or the kind of a network beside it or of a bare file."""
     note = path / SETTINGS
     if path.is_dir() and note.is_file():
         settings = read_record(note)

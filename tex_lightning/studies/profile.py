@@ -63,14 +63,14 @@ class WindowNet(nn.Module):
 
 
 def scores(network: Any, x: Tensor) -> Tensor:  # noqa: ANN401
-    """Class scores (B, classes, *positions) of a network's inputs."""
+    """Return class scores (B, classes, *positions) of a network's inputs."""
     class_scores: Tensor = network.features(x, "fc3")
     return class_scores
 
 
 @torch.no_grad()
 def _connected(layer: nn.Module) -> nn.Module:
-    """The layer for flattened features."""
+    """Return the layer for flattened features."""
     if isinstance(layer, nn.Conv2d):
         weight = layer.weight.flatten(1)
         linear = nn.Linear(weight.shape[1], len(weight))
@@ -84,7 +84,7 @@ def _connected(layer: nn.Module) -> nn.Module:
 
 
 def cut_windows(x: Tensor, size: tuple[int, int], step: int) -> Tensor:
-    """Full windows of an input, as far apart as the predictions of the network.
+    """Return full windows of an input, as far apart as the predictions of the network.
 
     Window (i, j) starts where prediction (i, j) of the whole input does. The network's ceil-mode
     pooling adds predictions at the far ends, for which no full window is left.

@@ -65,7 +65,7 @@ def interleaved(
 
 
 def waiting(function: Callable[[], object], device: torch.device) -> Callable[[], object]:
-    """The function, waiting for the device before it returns."""
+    """Return the function, waiting for the device before it returns."""
     if device.type == "cpu":
         return function
 
@@ -77,7 +77,7 @@ def waiting(function: Callable[[], object], device: torch.device) -> Callable[[]
 
 
 def _turn(function: Callable[[], object], slice_s: float) -> list[float]:
-    """Seconds of each call in one turn of a function."""
+    """Return seconds of each call in one turn of a function."""
     times: list[float] = []
     while not times or sum(times) < slice_s:
         begin = time.perf_counter()

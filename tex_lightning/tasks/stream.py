@@ -81,7 +81,7 @@ def _open(config: Config, sense: SignalSense, file: str) -> tuple[float, Iterato
 
 
 def _from_standard_input(axes: int, size: int) -> Iterator[Chunk]:
-    """Chunks (axes, samples) of raw float32, little-endian, all axes of a sample together."""
+    """Yield chunks (axes, samples) of raw float32, little-endian, all axes of a sample together."""
     position = 0
     while content := sys.stdin.buffer.read(size * axes * SAMPLE.itemsize):
         if len(content) % (axes * SAMPLE.itemsize):

@@ -18,7 +18,7 @@ __all__ = ["TRUNKS", "Trunk", "name_trunk", "published"]
 
 
 def published(name: str) -> Trunk:
-    """A trunk that its published weights fit, with random ones."""
+    """Return a trunk that its published weights fit, with random ones."""
     cls = TRUNKS[name]
     norm: Norm = "lrn" if "lrn" in cls.norms else "none"
     return cls(width=1, norm=norm)

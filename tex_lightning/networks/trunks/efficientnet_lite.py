@@ -91,7 +91,7 @@ class InvertedResidual(nn.Module):
 
 
 def _pooling(patch: int) -> Window:
-    """Pooling over the positions of a fragment in stage 7; the next fragment is one further."""
+    """Return pooling over the positions of a fragment in stage 7, one further each time."""
     positions = side_after(TO_STAGE7, patch)
     if positions < 1:
         least = next(side for side in count(1) if side_after(TO_STAGE7, side))
@@ -103,20 +103,20 @@ def _pooling(patch: int) -> Window:
 
 
 def _blocks(stage: Stage, depth: float) -> int:
-    """Blocks of a stage in a variant: more of them, but in the first and the last."""
+    """Return blocks of a stage in a variant: more of them, but in the first and the last."""
     ends = stage in (STAGES[0], STAGES[-1])
     return stage.blocks if ends else math.ceil(stage.blocks * depth)
 
 
 def _channels(stage: Stage, width: float) -> int:
-    """Channels of a stage in a variant: the nearest multiple, but no more than a tenth less."""
+    """Return a stage's channels in a variant: the nearest multiple, at most a tenth less."""
     wanted = stage.channels * width
     nearest = max(DIVISOR, int(wanted + DIVISOR / 2) // DIVISOR * DIVISOR)
     return nearest if nearest >= 0.9 * wanted else nearest + DIVISOR
 
 
 def _layouts(depth: float) -> dict[Layout, dict[str, str]]:
-    """The published files number the blocks of all stages in one row."""
+    """Return the layout of the published files, which number the blocks of all stages."""
     names, numbers = {"_conv_stem": "layers.stem.0"}, count()
     for number, stage in enumerate(STAGES, 1):
         for place in range(_blocks(stage, depth)):

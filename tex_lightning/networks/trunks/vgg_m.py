@@ -14,7 +14,7 @@ POOL = Window(3, 2, ceil=True)
 
 
 def _pool(norm: Norm) -> nn.Sequential:
-    """Normalisation with VGG's values, then pooling.
+    """Return normalisation with VGG's values, then pooling.
 
     Caffe and PyTorch divide alpha by the 5 channels; MatConvNet's files have 1e-4 for it.
     """

@@ -63,12 +63,12 @@ def rotated_photos(crops: Tensor, degrees: Tensor, patch: int) -> Tensor:
 
 
 def _together(crops: Tensor) -> int:
-    """How many are turned at once: one for each thread of a CPU, whose cache holds its own."""
+    """Return how many are turned at once: one for each thread of a CPU and its cache."""
     return torch.get_num_threads() if crops.device.type == "cpu" else max(1, len(crops))
 
 
 def _turned(crops: Tensor, degrees: Tensor, patch: int) -> Iterator[Tensor]:
-    """Pixels 0 to 255 (some, 3, patch, patch) of the middles of crops at their angles."""
+    """Yield pixels 0 to 255 (some, 3, patch, patch) of the middles of crops at their angles."""
     half = (crops.shape[-1] - 1) / 2  # from the centre to the middle of the last pixel
     offset = (torch.arange(patch, device=crops.device) - (patch - 1) / 2) / half
     angle = torch.deg2rad(degrees)[:, None, None]
@@ -90,7 +90,7 @@ def _turned(crops: Tensor, degrees: Tensor, patch: int) -> Iterator[Tensor]:
 
 
 def crop_side(patch: int, rotation: float) -> int:
-    """Side of the square from which a patch can be cut at any angle up to ``rotation`` degrees."""
+    """Return the side of a square to cut a patch from at any angle up to ``rotation``."""
     if rotation <= 0:
         return patch
     angle = math.radians(min(rotation, 45.0))

@@ -16,7 +16,7 @@ CORNER = 700.0  # Hz; bands are about evenly spaced below it and grow in proport
 
 
 def mel_centres(sampling_rate: float, bands: int) -> Tensor:
-    """Centres in Hz (bands,), float64, evenly spaced on the mel scale without its ends.
+    """Return centres in Hz (bands,), float64, evenly spaced on the mel scale without its ends.
 
     The scale is O'Shaughnessy's, ``2595 log10(1 + f / 700)``, which HTK and librosa call theirs.
 
@@ -29,7 +29,7 @@ def mel_centres(sampling_rate: float, bands: int) -> Tensor:
 
 
 def mel_filters(sampling_rate: float, samples: int, bands: int) -> Tensor:
-    """Triangles that take the mean power of each band from that of the Fourier channels.
+    """Return triangles that take the mean power of each band from that of the Fourier channels.
 
     A triangle reaches from the centre of the band below to that of the band above, and at least to
     the neighbouring channels, so that every band has one.
@@ -52,7 +52,7 @@ def mel_filters(sampling_rate: float, samples: int, bands: int) -> Tensor:
 
 
 def triangles(frequencies: Tensor, below: Tensor, centres: Tensor, above: Tensor) -> Tensor:
-    """Heights (bands, channels) of triangles that rise from 0 to 1 and fall to 0 again.
+    """Return heights (bands, channels) of triangles that rise from 0 to 1 and fall to 0 again.
 
     Args:
         frequencies: (channels,) in Hz.
@@ -66,7 +66,7 @@ def triangles(frequencies: Tensor, below: Tensor, centres: Tensor, above: Tensor
 
 
 def mean_filters(heights: Tensor) -> Tensor:
-    """Heights (bands, channels) as weights of a mean, float32, rows summing to 1."""
+    """Return heights (bands, channels) as weights of a mean, float32, rows summing to 1."""
     return (heights / heights.sum(dim=1, keepdim=True)).float()
 
 
@@ -182,7 +182,7 @@ class SpectrogramFeatures(nn.Module):
         self.register_buffer("channel_std", torch.ones(self.bands, 1))
 
     def count_frames(self, trace: Tensor) -> int:
-        """Frames that :meth:`magnitudes` will give for a trace (axes, samples); 0 if too short."""
+        """Count the frames that :meth:`magnitudes` gives for (axes, samples); 0 if too short."""
         samples = trace.shape[-1]
         if self.skip_impact:
             samples -= movement_start(trace, self.sampling_rate)
@@ -191,15 +191,15 @@ class SpectrogramFeatures(nn.Module):
         return self.frames(samples)
 
     def frames(self, samples: int) -> int:
-        """Frames that so many samples of movement give; 0 if too few."""
+        """Return frames that so many samples of movement give; 0 if too few."""
         return max(0, (samples - self.window_length) // self.hop_length + 1)
 
     def samples(self, frames: int) -> int:
-        """Samples of movement that so many frames are cut from."""
+        """Return the samples of movement that so many frames are cut from."""
         return (frames - 1) * self.hop_length + self.window_length
 
     def magnitudes(self, trace: Tensor, start: int | None = None) -> Tensor:
-        """Spectrogram before normalisation.
+        """Return spectrogram before normalisation.
 
         Args:
             trace: (axes, samples), one or three axes.
@@ -252,7 +252,7 @@ class SpectrogramFeatures(nn.Module):
         return torch.arange(self.bands) * self.sampling_rate / self.window_length
 
     def _in_blocks(self, movement: Tensor) -> Tensor:
-        """The same a few frames at a time."""
+        """Compute the same, a few frames at a time."""
         parts = []
         every = movement.unfold(-1, self.window_length, self.hop_length)
         for frames in torch.split(every, BLOCK, dim=1):
@@ -280,7 +280,7 @@ class SpectrogramFeatures(nn.Module):
         self.channel_std.copy_(torch.where(std > 1e-6, std, torch.ones_like(std)))
 
     def _logs(self, magnitudes: Tensor) -> Tensor:
-        """Logarithms, on the CPU since not every device computes in float64."""
+        """Return logarithms, on the CPU since not every device computes in float64."""
         return (magnitudes.to(self.level) / self.level).add_(FLOOR).log_().cpu().double()
 
     def _mean(self, count: int, parts: Iterable[Tensor]) -> Tensor:
@@ -305,7 +305,7 @@ class SpectrogramFeatures(nn.Module):
 
 
 def movement_start(trace: Tensor, sampling_rate: float) -> int:
-    """First sample of steady movement: 0.2 s after a touch that breaks a quiet beginning.
+    """Return first sample of steady movement: 0.2 s after a touch that breaks a quiet beginning.
 
     A recording that starts while the tool already moves has no such touch and is kept whole: a
     burst is a touch only if the 0.1 s of movement after it are louder than the beginning as well.
