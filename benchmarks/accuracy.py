@@ -19,6 +19,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import cv2
 import numpy as np
 import scipy
 import yaml
@@ -39,6 +40,8 @@ from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings, cut_part, write_manifest
 from tex_lightning.errors import UserError, listed
 from tex_lightning.evaluation.outcomes import read_outcomes, wilson_interval
+from tex_lightning.perturbations.pixels import Scene
+from tex_lightning.perturbations.table import perturbations
 from tex_lightning.report.figures import make_grid, save_figure
 from tex_lightning.report.style import looks, styled
 from tex_lightning.text import to_markdown
@@ -119,8 +122,12 @@ def run(settings: Node, cell: Cell, target: Path) -> Node:
 def test(common: list[str], entry: Node, division: Node, overrides: Sequence[str]) -> Node:
     """Train and test on every division; the interval is that of all counts together."""
     rows, keys, balanced = read_rows(entry), entry.get("keys", ()), entry.get("balanced", False)
-    train = run_package if overrides else run_log_bands
-    runs = [train([*common, *overrides, *keys], rows, mask) for mask in divide(rows, division)]
+    train, runs = run_package if overrides else run_log_bands, []
+    with TemporaryDirectory() as folder:
+        changed = perturb(rows, division.get("perturbed", {}), Path(folder))
+        for mask in divide(rows, division):
+            mixed = [pair[out] for *pair, out in zip(rows, changed, mask, strict=True)]
+            runs.append(train([*common, *overrides, *keys], mixed, mask))
     tests = [prediction for tested, _ in runs for prediction in tested]
     correct = sum(label == predicted for label, predicted, _ in tests)
     low, high = wilson_interval(correct, len(tests))
@@ -155,7 +162,7 @@ def read_rows(entry: Node) -> Rows:
 
 def divide(rows: Rows, division: Node) -> list[list[bool]]:
     """Return for every division which rows are tested; the others are trained on."""
-    ((kind, value),) = division.items()
+    kind, value = next(iter(division.items()))
     if kind == "folds":
         folds = [row.fold for row in with_folds(Recordings(tuple(rows)), value)]
         return [[fold == tested for fold in folds] for tested in sorted({*folds})]
@@ -163,6 +170,21 @@ def divide(rows: Rows, division: Node) -> list[list[bool]]:
         firsts = {*next_of_each([replace(row, fold=0) for row in rows], value, fold=0, folds=1)}
         return [[row not in firsts for row in rows]]
     return [[bool(is_tested(row, conditions)) for row in rows] for conditions in value]
+
+
+def perturb(rows: Rows, changes: Node, folder: Path) -> Rows:
+    """Write photos perturbed in turn at the severities of ``changes``; without any return them."""
+    if not changes:
+        return rows
+    changed = []
+    for number, row in enumerate(rows):
+        photo, path = cv2.imread(str(row.path))[..., ::-1], folder / f"{number}.png"
+        for name, severity in changes.items():
+            scene = Scene(np.random.default_rng(number), 0)
+            photo = perturbations()[name].apply(photo, severity, scene)
+        cv2.imwrite(str(path), photo[..., ::-1])
+        changed.append(replace(row, path=path))
+    return changed
 
 
 def run_package(overrides: list[str], rows: Rows, is_test: list[bool]) -> tuple[Tested, float]:

@@ -5,8 +5,6 @@ the rate of matrix products on the same machine. The inputs are noise and the we
 neither decides over the time.
 """
 
-import json
-import sys
 from functools import partial
 from typing import Any
 
@@ -29,10 +27,10 @@ NORMS = ("batch", "lrn")
 REPEATS = 9
 
 
-def measure(threads: int = 2) -> dict[str, Any]:
+def measure(threads: str = "2") -> dict[str, Any]:
     """Ratios of both times and the share of the matrix rate, by network and normalisation."""
     before = torch.get_num_threads()
-    torch.set_num_threads(threads)
+    torch.set_num_threads(int(threads))
     try:
         with torch.inference_mode():
             return {f"{kind}_{norm}": _case(kind, norm) for kind in SIZES for norm in NORMS}
@@ -58,7 +56,3 @@ def _case(kind: str, norm: str) -> dict[str, Any]:
         "gemm_gflops": rate,
         "ms": ms,
     }
-
-
-if __name__ == "__main__":
-    print(json.dumps(measure(*map(int, sys.argv[1:])), indent=1))

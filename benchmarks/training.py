@@ -1,6 +1,6 @@
 """What a training step costs beside the bare PyTorch loop that is in it.
 
-``python -m benchmarks.training [key=value ...]``
+``python -m benchmarks training``
 
 HapticNet, VisualNet and FusionNet are trained one after another on the CPU by the default recipe,
 on a few synthetic surfaces and by the package's own way, from the data module to the checkpoint of
@@ -14,8 +14,6 @@ for the bare loop alone; what lies between two epochs, the checkpoint included, 
 the steps of one.
 """
 
-import argparse
-import json
 import tempfile
 import time
 from collections.abc import Callable
@@ -96,12 +94,9 @@ class BareLoop:
     """Forward, loss, backward, optimiser and schedule on tensors in memory, and nothing else."""
 
     def __init__(self, module: SurfaceModule) -> None:
-        twin = type(module)(
-            module.classifier.card, module.fit_config, module.seed, module.hparams["pieces"]
-        )
+        twin = type(module)(**module.hparams)
         twin.classifier = deepcopy(module.classifier)
         twin.train()
-        twin.inputs = lambda inputs: inputs  # which are kept
         configured = twin.configure_optimizers()
         self.twin = twin
         self.smoothing = twin.fit_config["label_smoothing"]
@@ -113,7 +108,7 @@ class BareLoop:
         clock, begin = Clock(), time.perf_counter()
         for inputs, label in self.batches:
             clock.start()
-            logits = self.twin.scores(inputs)
+            logits = self.twin.scores_of(inputs)
             clock.stop("forward")
             labels = label[:, None].expand(-1, logits.shape[2])
             loss = nn.functional.cross_entropy(logits, labels, label_smoothing=self.smoothing)
@@ -154,8 +149,7 @@ class Turns(Callback):
     ) -> None:
         if trainer.current_epoch == 0:
             if len(self.bare.batches) < TURN:
-                inputs = batch if pl_module.is_frozen else pl_module.inputs(batch)
-                self.bare.batches.append((inputs, batch["label"]))
+                self.bare.batches.append((pl_module.inputs(batch), batch["label"]))
             return
         now = time.perf_counter()
         if batch_idx == 0:
@@ -211,11 +205,8 @@ def _median(turns: list[dict[str, float]], part: str) -> float:
     return float(np.median([turn[part] for turn in turns])) * 1000 / TURN
 
 
-def measure(overrides: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Train the networks of ``model`` (default: all three) and time their steps.
-
-    Args:
-        overrides: Settings as on the command line.
+def measure() -> dict[str, Any]:
+    """Train all three networks and time their steps.
 
     Returns:
         ``environment`` and, by network, the entries of :meth:`Turns.summary`.
@@ -224,7 +215,7 @@ def measure(overrides: tuple[str, ...] = ()) -> dict[str, Any]:
     unimodal: dict[str, SurfaceClassifier] = {}
     keep_memory()
     with tempfile.TemporaryDirectory() as folder:
-        config = _config(overrides)
+        config = configured(*SETTINGS)
         dataset, model = open_training(config, Path(folder)), config.model
         for kind in dict.fromkeys([*model.senses, model.kind]):
             watch = Turns()
@@ -234,13 +225,6 @@ def measure(overrides: tuple[str, ...] = ()) -> dict[str, Any]:
                 unimodal[kind] = _train(config, dataset, Path(folder), [kind], {}, watch)
             networks[kind] = watch.summary(model.fit_values(kind)["steps_per_epoch"])
     return {"environment": environment(torch.device("cpu")), "networks": networks}
-
-
-def _config(overrides: tuple[str, ...]) -> Config:
-    config = configured(*SETTINGS, *overrides)
-    if config.trainer.threads is not None:
-        torch.set_num_threads(config.trainer.threads)
-    return config
 
 
 def _train(
@@ -255,13 +239,3 @@ def _train(
     card = configured_card(config, dataset.classes).of(senses)
     card = complete_recipe(config, card, parts, store, unimodal)
     return train_network(config, card, parts, store, folder, unimodal, (), watch)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("overrides", nargs="*", metavar="key=value")
-    print(json.dumps(measure(tuple(parser.parse_args().overrides)), indent=2))
-
-
-if __name__ == "__main__":
-    main()

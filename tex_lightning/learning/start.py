@@ -194,7 +194,10 @@ def fit_linear_head(
         weights, biases = fit(rows, labels[numbers])
         parts = np.array(leave_out(labels.tolist(), groups))
         sharpness = _sharpness(fit, rows, labels[numbers], parts[numbers]) if len(parts) else 1.0
-    _set_scores(module, sharpness * scale * weights, sharpness * biases)
+    layer = module.network.head.score_layer
+    with torch.no_grad():
+        layer.weight.copy_(torch.from_numpy(sharpness * scale * weights)[:, :, None, None])
+        layer.bias.copy_(torch.from_numpy(sharpness * biases))
 
 
 def _sharpness(
@@ -295,10 +298,3 @@ def _view(
     if photos.augmentation is not None:
         view = photos.augmentation(view, rng)
     return (top, left), view
-
-
-@torch.no_grad()
-def _set_scores(module: SurfaceModule, weights: Floats, biases: Floats) -> None:
-    layer = module.network.head.score_layer
-    layer.weight.copy_(torch.from_numpy(weights)[:, :, None, None])
-    layer.bias.copy_(torch.from_numpy(biases))

@@ -44,7 +44,8 @@ def scaled(disturbance: Array, trace: Array, snr: float) -> Array:
 
 def gaussian_noise(photo: Array, deviation: float, scene: Scene) -> Array:
     """Add independent noise to every value; its deviation is a share of full scale."""
-    return photo + 255 * deviation * _normal(photo, scene)
+    noise = scene.rng.standard_normal(photo.shape, dtype=np.float32)
+    return photo + 255 * deviation * noise
 
 
 def shot_noise(photo: Array, photons: float, scene: Scene) -> Array:
@@ -84,6 +85,12 @@ def light_colour(photo: Array, change: float, scene: Scene) -> Array:
     return photo * np.array([1 + sign * change, 1, 1 - sign * change], np.float32)
 
 
+def desaturation(photo: Array, share: float, scene: Scene) -> Array:
+    """Take a share of the colour away; at 1 the photo is grey."""
+    grey = cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY)[..., None].astype(np.float32)
+    return grey + np.float32(1 - share) * (photo - grey)
+
+
 def light_gradient(photo: Array, loss: float, scene: Scene) -> Array:
     """Light the photo from any one side: it falls off linearly and loses ``loss`` at the other."""
     angle = 2 * np.pi * scene.rng.random()
@@ -106,10 +113,6 @@ def jpeg(photo: Array, quality: float, scene: Scene) -> Array:
 def image_grey(photo: Array, share: float, scene: Scene) -> Array:
     """Grey a share of the photos all over, as of a camera that is covered."""
     return np.full_like(photo, 128) if scene.rng.random() < share else photo
-
-
-def _normal(photo: Array, scene: Scene) -> Array:
-    return scene.rng.standard_normal(photo.shape, dtype=np.float32)
 
 
 BORDER = cv2.BORDER_REFLECT_101
