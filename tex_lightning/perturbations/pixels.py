@@ -44,7 +44,7 @@ def scaled(disturbance: Array, trace: Array, snr: float) -> Array:
 
 def gaussian_noise(photo: Array, deviation: float, scene: Scene) -> Array:
     """Add independent noise to every value; its deviation is a share of full scale."""
-    noise = scene.rng.standard_normal(photo.shape, dtype=np.float32)
+    noise: Array = scene.rng.standard_normal(photo.shape, dtype=np.float32)
     return photo + 255 * deviation * noise
 
 
@@ -87,7 +87,7 @@ def light_colour(photo: Array, change: float, scene: Scene) -> Array:
 
 def desaturation(photo: Array, share: float, scene: Scene) -> Array:
     """Take a share of the colour away; at 1 the photo is grey."""
-    grey = cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY)[..., None].astype(np.float32)
+    grey: Array = cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY)[..., None].astype(np.float32)
     return grey + np.float32(1 - share) * (photo - grey)
 
 
