@@ -94,11 +94,12 @@ class BareLoop:
     """Forward, loss, backward, optimiser and schedule on tensors in memory, and nothing else."""
 
     def __init__(self, module: SurfaceModule) -> None:
-        twin = type(module)(**module.hparams)
+        card, pieces = module.classifier.card, module.hparams["pieces"]
+        self.twin = twin = type(module)(card, module.fit_config, module.seed, pieces)
         twin.classifier = deepcopy(module.classifier)
         twin.train()
+        twin.inputs = lambda inputs: inputs  # which are kept
         configured = twin.configure_optimizers()
-        self.twin = twin
         self.smoothing = twin.fit_config["label_smoothing"]
         self.optimizer = configured["optimizer"]
         self.scheduler = configured["lr_scheduler"]["scheduler"]
@@ -108,7 +109,7 @@ class BareLoop:
         clock, begin = Clock(), time.perf_counter()
         for inputs, label in self.batches:
             clock.start()
-            logits = self.twin.scores_of(inputs)
+            logits = self.twin.scores(inputs)
             clock.stop("forward")
             labels = label[:, None].expand(-1, logits.shape[2])
             loss = nn.functional.cross_entropy(logits, labels, label_smoothing=self.smoothing)
@@ -149,7 +150,8 @@ class Turns(Callback):
     ) -> None:
         if trainer.current_epoch == 0:
             if len(self.bare.batches) < TURN:
-                self.bare.batches.append((pl_module.inputs(batch), batch["label"]))
+                inputs = batch if pl_module.is_frozen else pl_module.inputs(batch)
+                self.bare.batches.append((inputs, batch["label"]))
             return
         now = time.perf_counter()
         if batch_idx == 0:

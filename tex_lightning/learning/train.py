@@ -131,20 +131,20 @@ def _make_batches(
     fit, seed, classifier = module.fit_config, module.seed, module.classifier
     if unimodal:
         start_fusion(module, unimodal, config.model.fusion.head_start)
-    if module.is_frozen:
-        frozen = classifier.to(device)
-        module.embeddings = embedding_banks(frozen, parts.train, store, config.engine)
-        classifier.cpu()
     banks: dict[str, tuple[Bank, Indices]] = {}
+    if module.is_frozen:
+        module.embeddings = embedding_banks(
+            classifier.to(device), parts.train, store, config.engine
+        )
+        classifier.cpu()
     for name, sense in classifier.senses.items():
         rows = parts.train.of(sense.modality).rows
         labels = np.array(class_indices([row.label for row in rows], classifier.card.classes))
-        if module.is_frozen:
-            banks[name] = module.embeddings[name], labels
-            continue
-        sense.features.to(device)
-        recipe, size = {**config.model.fit_values(name), **fit}, module.pieces[name]
-        bank = sense.bank(rows, store, recipe, size=size, seed=seed, learn=not unimodal)
+        bank: Bank | None = module.embeddings.get(name)
+        if bank is None:
+            sense.features.to(device)
+            recipe, size = {**config.model.fit_values(name), **fit}, module.pieces[name]
+            bank = sense.bank(rows, store, recipe, size=size, seed=seed, learn=not unimodal)
         banks[name] = bank, labels
     return TrainingBatches(banks, fit["batch_size"], seed)
 
