@@ -99,10 +99,9 @@ class BareLoop:
         twin.classifier = deepcopy(module.classifier)
         twin.train()
         twin.inputs = lambda inputs: inputs  # which are kept
-        configured = twin.configure_optimizers()
+        self.optimizer, schedule = twin.configure_optimizers().values()
         self.smoothing = twin.fit_config["label_smoothing"]
-        self.optimizer = configured["optimizer"]
-        self.scheduler = configured["lr_scheduler"]["scheduler"]
+        self.scheduler = schedule["scheduler"]
         self.batches: list[tuple[list[Tensor], Tensor]] = []
 
     def turn(self) -> dict[str, float]:
