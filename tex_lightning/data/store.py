@@ -56,7 +56,7 @@ def skipped_entry(unusable: Iterable[Unusable]) -> list[dict[str, str]]:
 
 
 FINGERPRINT_BYTES = 65_536
-LAYOUT = 7  # of an entry: what an earlier version decoded otherwise is decoded anew
+LAYOUT = 8  # of an entry: what an earlier version decoded otherwise is decoded anew
 UNREADABLE = (OSError, ValueError, EOFError)  # not there yet, or damaged by a full disk
 RATE_BYTES = 136  # of a number as .npy, which stands behind the array of a trace
 HEADERS = Lock()  # Python 3.11 parses one in two threads at once with a SystemError
