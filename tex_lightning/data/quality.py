@@ -70,7 +70,7 @@ def trace_quality(
     ]
     flat = max(_count_flat(samples[axis]) for axis in np.flatnonzero(~constant))
     clipped = flat / samples.shape[1]
-    if flat >= MIN_FLAT and clipped >= FLAT_SHARE:
+    if clipped >= FLAT_SHARE:
         warnings.append(
             f"The {what} is clipped, {clipped:.0%} of it at its largest or smallest value; lower "
             "the sensor's gain."
@@ -79,11 +79,12 @@ def trace_quality(
 
 
 def _count_flat(axis: Array) -> int:
-    """Count the samples (samples,) that repeat the largest or smallest value."""
-    if len(np.unique(axis)) < FINE_VALUES:
-        return 0
+    """Count the samples (samples,) that repeat the largest or smallest value, if they are many."""
     extreme = (axis == axis.min()) | (axis == axis.max())
-    return int((extreme[1:] & (axis[1:] == axis[:-1])).sum())
+    flat = int((extreme[1:] & (axis[1:] == axis[:-1])).sum())
+    if flat < MIN_FLAT or len(np.unique(axis)) < FINE_VALUES:  # sorting is slow, so it comes last
+        return 0
+    return flat
 
 
 def trace_measures(trace: Trace, rate: float, sampling_rate: float) -> dict[str, float]:
