@@ -40,7 +40,7 @@ CASES = [
         "data.half_scale=false data.resize=32",
     )],
     *[(FUSION, case) for case in (
-        f"{FUSED}.modality_dropout=1", f"{FUSED}.batch_size=1", "decision.pairs=1",
+        f"{FUSED}.batch_size=1", "decision.pairs=1",
         "model.fusion.level=fc3", "decision=sequential decision.pairs=1",
     )],
     *[(FRONTIER, case) for case in (

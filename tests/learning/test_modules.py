@@ -22,7 +22,6 @@ FIT = {
     "schedule": {"_target_": f"{SCHEDULES}.OneCycleLR", "_partial_": True},
     "label_smoothing": 0.0,
     "head_factor": 20.0,
-    "modality_dropout": 0.0,
     "frozen": False,
 }
 SENSES = {
@@ -192,15 +191,3 @@ def test_fusion_starts_from_checkpoints_of_three_senses(tmp_path):
     tuples = random_tuples(counts, 50, classifier.seed(**sample))
     expected = sum(each[:, tuples[:, place]] for place, each in enumerate(alone))
     torch.testing.assert_close(classifier.logits(**sample), expected, rtol=1e-4, atol=1e-4)
-
-
-@pytest.mark.parametrize("kind", ["fusion", "three"])
-def test_a_dropped_modality_leaves_the_scores_of_a_single_one(kind):
-    model = module(kind, modality_dropout=0.6)
-    parts = list(torch.randn(len(SENSES[kind]), 4000, 3, 1))
-    scores = model.fused(parts)
-    counts = [
-        int((scores == expected).flatten(1).all(1).sum()) for expected in (*parts, sum(parts))
-    ]
-    assert sum(counts) == 4000
-    assert counts[:-1] == pytest.approx([4000 * 0.6 / len(parts)] * len(parts), abs=100)

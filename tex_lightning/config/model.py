@@ -96,7 +96,6 @@ class FusionFitConfig(FitConfig):
         "learning rate of the fusion layer over that of the networks, as the paper", "[10, 50]"
     )
     rotation: float = key("largest random rotation of photos, if not frozen", **ROTATION)
-    modality_dropout: float = key("probability that one sense alone classifies a sample", "[0, 1]")
 
 
 @dataclass
@@ -235,5 +234,5 @@ class ModelConfig:
 
 
 def kind_of(senses: Sequence[str]) -> str:
-    """Name of a network of these senses."""
+    """Return the name of a network of these senses."""
     return senses[0] if len(senses) == 1 else FUSION

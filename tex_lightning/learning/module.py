@@ -80,7 +80,7 @@ class SurfaceModule(LightningModule):
         self.fragment_accuracy, self.vote_accuracy = accuracy(classes), accuracy(classes)
 
     def inputs(self, batch: Batch) -> list[Tensor]:
-        """The network's input tensors (batch, ...) for a training batch, one for each sense."""
+        """Return the network's input tensors (batch, ...) for a training batch, one for each sense."""
         change = self._augmented if self.augmentation is not None and self.training else None
         inputs = []
         for name, sense in self.classifier.senses.items():
@@ -150,26 +150,8 @@ class SurfaceModule(LightningModule):
         return sense.score(x, "fc3").flatten(2)
 
     def _fused(self, features: Iterable[Tensor]) -> Tensor:
-        """Class scores (batch, classes, tuples) of features (batch, D, positions) by sense."""
-        return self.fused([self.fusion.project(*part) for part in enumerate(features)])
-
-    def fused(self, parts: list[Tensor]) -> Tensor:
-        """Class scores (batch, classes, tuples); for a share of the samples of one sense alone.
-
-        What one sense says is trained to be right, and to be weak where it is not: a modality that
-        is missing, or out of order, then leaves the decision to the others.
-
-        Args:
-            parts: Partial logits (batch, classes, positions) of each sense.
-        """
-        dropout: float = self.fit_config["modality_dropout"]
-        if dropout > 0:
-            draw = torch.rand(len(parts[0]), 1, 1, device=parts[0].device)
-            alone = (draw * len(parts) / dropout).long()  # a sense, or beyond them all of them
-            parts = [
-                part * ((alone == index) | (alone >= len(parts)))
-                for index, part in enumerate(parts)
-            ]
+        """Return class scores (batch, classes, tuples) of features (batch, D, positions) by sense."""
+        parts = [self.fusion.project(*part) for part in enumerate(features)]
         counts, tuples = [part.shape[-1] for part in parts], None
         if max(counts) > 1:  # of a network that gives several positions for a piece
             positions = torch.arange(max(counts), device=parts[0].device)
@@ -182,7 +164,7 @@ class SurfaceModule(LightningModule):
         self.train_accuracy.reset()
 
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
-        """Cross entropy of every fragment against the label of its sample."""
+        """Return the cross entropy of all fragments against the label of their sample."""
         logits = self.scores(batch)
         labels = batch["label"][:, None].expand(-1, logits.shape[2])
         loss = nn.functional.cross_entropy(
@@ -220,7 +202,7 @@ class SurfaceModule(LightningModule):
         self.log("val/loss", loss, prog_bar=True, batch_size=count, sync_dist=True)
 
     def on_validation_epoch_end(self) -> None:
-        """Log the shares, once: Lightning looks at all that a metric keeps each time."""
+        """Log the accuracies in one call: Lightning traverses a metric's state in each."""
         self.validated = [self.classifier]
         self.log("val/fragment_accuracy", self.fragment_accuracy, prog_bar=True)
         self.log("val/vote_accuracy", self.vote_accuracy, prog_bar=True)
