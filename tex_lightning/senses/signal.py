@@ -52,15 +52,15 @@ class SignalSense(Sense):
         return self.spectrogram is not None or hasattr(self.features, "counts_samples")
 
     def check_input(self, height: int, width: int) -> None:
-        """Refuse a spectrogram that is too short for one fragment; see the base class."""
+        """Reject a spectrogram that is too short for one fragment; see the base class."""
         least, features = self.min_size[1], self.features
         if width < least and isinstance(features, SpectrogramFeatures):
             rate = features.sampling_rate
             have = max(0, features.samples(width)) / rate if width else 0.0
             raise UserError(
                 f"The {self.what} has {have:.2f} s of movement, and {type(self.network).__name__} "
-                f"needs {features.samples(least) / rate:.2f} s for one fragment; record a longer "
-                "stroke."
+                f"needs {features.samples(least) / rate:.2f} s for one fragment; record longer "
+                "strokes, or train with experiment=few/haptic, which takes shorter ones."
             )
 
     def input_size(self, recording: Tensor | Array) -> tuple[int, int]:
@@ -91,7 +91,7 @@ class SignalSense(Sense):
         seed: int,
         learn: bool,
     ) -> InputBank:
-        """Network inputs of all recordings, then those of perturbed copies; see the base class.
+        """Return the inputs of all recordings, then of perturbed copies; see the base class.
 
         The normalisation is that of the clean ones.
         """
@@ -167,7 +167,7 @@ class SignalSense(Sense):
     def resample(
         self, raw: Array, rate: float, ranges: Ranges, name: str
     ) -> tuple[Tensor, Quality]:
-        """Bring samples (axes, samples) at ``rate`` in Hz to what decoding gives; judge them.
+        """Resample (axes, samples) at ``rate`` in Hz to the decoded rate, and check their quality.
 
         Raises:
             UserError: If there is no such rate, beginning with ``name``.
