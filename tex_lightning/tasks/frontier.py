@@ -1,8 +1,4 @@
-"""Measure a family of systems on the same folds: accuracy against latency, a chart and a choice.
-
-The system for use is chosen on all votes; how well such a choice does is measured on each fold by
-the choice on the others.
-"""
+"""Measure a family of systems on the same folds: accuracy against latency, a chart and a choice."""
 
 import shlex
 import time
@@ -51,8 +47,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     systems = compose_family(config, job)
     folds = chosen_folds(config.data.folds, config.crossval.only)
     measure_family(systems, folds, directory / "systems")
-    chosen = _choose(systems, folds)
-    rows, procedure = _rows(systems, chosen), _measure_choice(systems)
+    chosen = _choose(systems)
+    rows = _rows(systems, chosen)
     write_rows(directory / "frontier.csv", rows[0], (row.values() for row in rows))
     save_figure(frontier_figure(rows), directory / "frontier")
     results = {
@@ -65,48 +61,27 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "chosen": chosen.name,
         "command": _command(job, chosen.overrides),
         "overrides": chosen.overrides,
-        "procedure": procedure,
         "systems": {row["system"]: row for row in rows},
     }
     write_results(directory / "results.json", results)
-    print_frontier(rows, procedure, directory, str(results["command"]))
+    print_frontier(rows, directory, str(results["command"]))
     return results
 
 
-def _choose(systems: Sequence[System], folds: Sequence[int]) -> System:
-    """Choose a system by its time and its votes on some folds, on samples of all senses."""
+def _choose(systems: Sequence[System]) -> System:
+    """Choose a system by its time and its votes on samples of all senses."""
     widths = [len(system.config.model.modalities) for system in systems]
     joint = systems[widths.index(max(widths))].tests
     named = {system.name: system for system in systems}
     votes = {
         name: {
             (fold, recording): share
-            for fold in folds
+            for fold in joint
             for recording, share in correct_shares(system.tests[fold], joint[fold]).items()
         }
         for name, system in named.items()
     }
     return named[one_standard_error({name: x.cost for name, x in named.items()}, votes)]
-
-
-def _measure_choice(systems: Sequence[System]) -> dict[str, Any] | None:
-    """Measure how well it does to choose a system: each fold by the choice on the others.
-
-    In a family of several kinds the samples of a fold are those of the chosen system.
-
-    Returns:
-        None of a single fold.
-    """
-    folds = [*systems[0].tests]
-    if len(folds) < 2:
-        return None
-    choices = {
-        fold: _choose(systems, [other for other in folds if other != fold]) for fold in folds
-    }
-    summary = summarise([vote for fold in folds for vote in choices[fold].tests[fold]])
-    keys = ("vote_accuracy", "vote_ci95", "correct", "test_samples")
-    names = {fold: system.name for fold, system in choices.items()}
-    return {**{key: summary[key] for key in keys}, "chosen": names}
 
 
 def _rows(systems: Sequence[System], chosen: System) -> list[dict[str, Any]]:
@@ -190,14 +165,11 @@ def frontier_figure(rows: Sequence[Row]) -> Figure:
     return figure
 
 
-def print_frontier(
-    rows: Sequence[Row], procedure: Mapping[str, Any] | None, directory: Path, command: str
-) -> None:
-    """Print one line per system, what to expect of the choice, and how to train the chosen one.
+def print_frontier(rows: Sequence[Row], directory: Path, command: str) -> None:
+    """Print one line per system, and how to train the chosen one.
 
     Args:
         rows: The systems, fastest first.
-        procedure: ``procedure`` of ``results.json``; None of a single fold.
         directory: The run folder.
         command: The command that trains the chosen system.
     """
@@ -215,11 +187,6 @@ def print_frontier(
         )
     console.print(table)
     (chosen,) = (row for row in rows if row["chosen"])
-    if procedure is not None:
-        say(
-            f"Expect {procedure['vote_accuracy']:.1%} of such a choice: each fold by the system "
-            "chosen on the others."
-        )
     say(
         f"{chosen['system']} is chosen on all votes, so its own {chosen['vote_accuracy']:.1%} is "
         "optimistic, and holds for these classes."
