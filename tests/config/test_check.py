@@ -82,4 +82,4 @@ def test_what_a_constructor_refuses_is_said_before_data_is_read(case, cli, monke
     monkeypatch.setattr(*fail)
     outcome = cli("model=haptic", f"+{case}", f"hydra.run.dir={tmp_path}/run")
     assert (outcome.status, outcome.err.count("\n")) == (2, 1), outcome.err
-    assert ("trainer says" if "trainer" in case else case.rpartition(".")[0]) in outcome.err
+    assert ("flag of trainer" if "trainer" in case else case.rpartition(".")[0]) in outcome.err

@@ -34,7 +34,7 @@ def test_verbose_says_how_much_is_printed(cli, surfaces, tmp_path):
     (folder / "results.json").unlink()
     verbose = said(2)  # another verbose goes on
     assert re.search("Trains +mfcc_nb", verbose)
-    assert "] Fold 0, mfcc_nb: 3 of 3 votes correct, trained in " in verbose
+    assert "] Fold 0, mfcc_nb: 3 of 3 samples correct, trained in " in verbose
     assert "INFO" not in verbose
     assert Screen.verbose == 1
 

@@ -60,11 +60,11 @@ def run_folds(log: logging.Logger) -> None:
         for name in track(["haptic", "fusion"], str):
             with Stage("epoch", 2) as epochs:
                 for epoch in range(2):
-                    epochs.update(epoch + 1, notes=["loss 1.23", "votes 40%"])
+                    epochs.update(epoch + 1, notes=["loss 1.23", "accuracy 40%"])
                     Stage.bars.refresh()
             for _ in track(range(3), "Testing"):
                 Stage.bars.refresh()
-            log.info("Fold %d, %s: %d of 5 votes correct. %s", fold, name, fold, "words " * 12)
+            log.info("Fold %d, %s: %d of 5 samples correct. %s", fold, name, fold, "words " * 12)
 
 
 def test_bars_stand_below_each_other_and_go_away(terminal, log):
@@ -76,7 +76,7 @@ def test_bars_stand_below_each_other_and_go_away(terminal, log):
     assert all(text.startswith("words") for text in said[1::2])
     assert not terminal.cursor_is_hidden
     assert terminal.widest <= 80
-    for shown in ("fold 2/2", "fusion 2/2", "epoch 2/2, loss 1.23, votes 40%", "Testing 3/3"):
+    for shown in ("fold 2/2", "fusion 2/2", "epoch 2/2, loss 1.23, accuracy 40%", "Testing 3/3"):
         assert any(row.endswith(shown) for row in terminal.drawn)
 
 

@@ -12,7 +12,7 @@ from tex_lightning.report.figures import confusion_figure
 @pytest.mark.parametrize("count", [12, 69])
 def test_no_name_lies_over_another(count):
     classes = [f"G{number % 9}AluminumRhombMeshVersion{number}" for number in range(count)]
-    figure = confusion_figure(np.eye(count, dtype=np.int64), classes, "haptic: votes")
+    figure = confusion_figure(np.eye(count, dtype=np.int64), classes, "haptic: 12 test samples")
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     renderer, (axes, *_) = canvas.get_renderer(), figure.axes

@@ -25,16 +25,16 @@ def make(kind: str, correct: str, *modalities: str, **changes: Any) -> System:
 @pytest.mark.parametrize("data", ["tum", "folder"])
 def test_the_papers_columns_stand_beside_its_own_data_alone(data):
     table = accuracy_table("haptic", [make("haptic", "++-", "haptic", data=data)])
-    assert (table.rows[0]["system"], table.rows[0]["votes"]) == ("HapticNet", "66.7% (2/3)")
-    assert ("votes, paper" in table.headings) == ("paper" in table.text) == (data == "tum")
-    assert table.rows[0]["votes, paper"] == ("91 %" if data == "tum" else "")
+    assert (table.rows[0]["system"], table.rows[0]["accuracy"]) == ("HapticNet", "66.7% (2/3)")
+    assert ("accuracy, paper" in table.headings) == ("paper" in table.text) == (data == "tum")
+    assert table.rows[0]["accuracy, paper"] == ("91 %" if data == "tum" else "")
 
 
 def test_a_sense_that_the_paper_does_not_have_gets_a_table_of_its_own():
     table = accuracy_table("force", [make("force", "+--", "force", inside="fusion", data="tum")])
     assert table.title == "Force classification"
     assert table.rows[0]["system"] == "force inside fusion"
-    assert "votes, paper" not in table.headings
+    assert "accuracy, paper" not in table.headings
 
 
 def test_a_system_of_fewer_senses_is_compared_on_its_part_of_each_sample():

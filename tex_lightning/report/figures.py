@@ -65,8 +65,8 @@ def confusion_figure(counts: Counts, classes: list[str], title: str) -> Figure:
     Counts are written in for up to 30 classes; up to 150 classes are named.
     """
     many = len(classes) > MAX_NAMED
-    side = 4.5 + (0.1 * min(len(classes), MAX_LABELLED) if many else 0.28 * len(classes))
-    figure = Figure(figsize=(side, side), layout="constrained")
+    side = 4.5 + 0.1 * min(len(classes), MAX_LABELLED) if many else 4 + 0.16 * len(classes)
+    figure = Figure(figsize=(side, 0.9 * side), layout="constrained")
     axes = figure.subplots()
     shares: npt.NDArray[np.float64] = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
     gamma = GAMMA if many else 1
@@ -99,7 +99,7 @@ def calibration_figure(outcomes: Sequence[Outcome], name: str) -> Figure:
     shares = [correct[bins == n].mean() for n in used]
     axes.plot([0, 1], [0, 1], color=GUIDE, linestyle="--")
     axes.bar((edges[used] + edges[used + 1]) / 2, shares, width=1 / BINS, edgecolor="white")
-    axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="probability of the label", ylabel="correct votes")
+    axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="probability of the label", ylabel="accuracy")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(PercentFormatter(1))
     axes.set_title(f"{name}: {len(outcomes)} test samples")

@@ -124,7 +124,7 @@ def _pool(
 
 
 def comparison_tables(systems: Sequence[System]) -> list[Table]:
-    """Return every table that compares systems: accuracies, and votes by condition."""
+    """Return every table that compares systems: accuracies, also by condition."""
     groups: dict[str, list[System]] = {}
     for system in systems:
         groups.setdefault(system.tables[0], []).append(system)
@@ -168,13 +168,13 @@ def _line(system: System, best: System, paper: Mapping[str, Any]) -> Row:
     ours = summarise(system.outcomes)
     return {
         "system": system.label,
-        "votes, paper": f"{paper['vote']:g} %" if "vote" in paper else "",
-        "votes": counted(ours),
+        "accuracy, paper": f"{paper['vote']:g} %" if "vote" in paper else "",
+        "accuracy": counted(ours),
         "95 % interval": "{:.1%} to {:.1%}".format(*ours["vote_ci95"]),
         "p against the best": "best" if system is best else _against(best, system),
         "fragments, paper": f"{paper['fragment']:g} %" if "fragment" in paper else "",
         "fragments": f"{ours['fragment_accuracy']:.1%}",
-        "ms a sample": f"{ours['latency_ms']['median']:.1f}",
+        "ms/sample": f"{ours['latency_ms']['median']:.1f}",
         "fit s": f"{sum(entry['fit_seconds'] for entry in system.entries):.1f}",
         "parameters": f"{system.entries[0]['parameters']:,}",
     }
@@ -197,10 +197,10 @@ def _against(best: System, system: System) -> str:
 TEMPLATES = Path(__file__).parent
 FILES = ("frontier.csv", "sweep.csv")
 NOTES = """\
-Votes are decisions on whole samples, fragments those at single positions. Intervals are Wilson's.
-p is the exact McNemar test of the row against the best one on the same samples, with the samples
-that only the best row and only this row had right. Milliseconds run from decoded recordings to the
-label on this machine; fit s is the time of training of all folds of a row."""
+Accuracy is that of whole samples, fragments that of single positions. Intervals are Wilson's. p is
+the exact McNemar test of the row against the best one on the same samples; in brackets are the
+samples that only the best row and only this row classified correctly. Milliseconds run from decoded
+recordings to the label on this machine; fit s is the training time of all folds of a row."""
 
 
 def write_report(directory: Path, runs: Sequence[Path] | None = None) -> None:
@@ -243,7 +243,7 @@ def write_report(directory: Path, runs: Sequence[Path] | None = None) -> None:
 
 
 def _by_condition(results: Mapping[str, Any]) -> list[Table]:
-    """Return the table of votes by condition, if there are any."""
+    """Return the table of accuracy by condition, if there are conditions."""
     rows = condition_rows(results.get("networks", {}))
     return [Table("By condition", rows)] if rows else []
 

@@ -15,18 +15,18 @@ from tex_lightning.report.table import counted, make_table, print_tables
 
 
 class StabilityRow(NamedTuple):
-    """One trial, as a line of ``stability.csv``; a sample that is refused counts as wrong.
+    """One trial, as a line of ``stability.csv``; an unusable sample counts as an error.
 
     Attributes:
         system: Name of the system.
-        modality: What is perturbed.
+        modality: Modality that is perturbed.
         perturbation: Name of the perturbation.
         severity: 0, which is clean, to 5.
         test_samples: Number of samples.
         vote_accuracy: Share of them that got their class.
         ci_low: Wilson's 95 % interval of it.
         ci_high: The same.
-        flip_rate: Share of samples whose decision, refusal included, is not the clean one.
+        flip_rate: Share of samples whose label, or lack of one, differs from the clean one.
     """
 
     system: str
@@ -45,7 +45,7 @@ CHARTS_IN_ROW = 5  # of small charts
 
 def print_stability(results: dict[str, Any], directory: Path) -> None:
     """Print clean accuracy, mean error and flip rate of each system."""
-    figures = ["clean votes", "mean error", "flips"]
+    figures = ["clean accuracy", "mean error", "flips"]
     table = make_table(f"stability · {results['data']}", ["system"], figures)
     for name, entry in results["systems"].items():
         if "clean" not in entry:
@@ -63,7 +63,7 @@ def print_stability(results: dict[str, Any], directory: Path) -> None:
 def stability_figures(
     trials: Sequence[StabilityRow], table: Mapping[str, Perturbation]
 ) -> dict[str, Figure]:
-    """Return by title ``curves_MODALITY``, a figure for each modality that was perturbed."""
+    """Return a figure for each perturbed modality, by title ``curves_MODALITY``."""
     figures = {}
     for modality in dict.fromkeys(trial.modality for trial in trials):
         some = [trial for trial in trials if trial.modality == modality]
@@ -93,7 +93,7 @@ def curves(
         axes.yaxis.set_major_formatter(PercentFormatter(1))
         axes.set(title=name, xlabel=perturbation.unit, ylim=(-0.03, 1.03))
     for axes in grid[::CHARTS_IN_ROW]:
-        axes.set_ylabel("correct votes")
+        axes.set_ylabel("accuracy")
     figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     figure.set_figheight(figure.get_figheight() + 0.6 + 0.09 * len(drawn))  # of title and legend
     figure.suptitle(f"{modality} perturbed")

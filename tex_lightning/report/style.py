@@ -47,7 +47,7 @@ class Look(NamedTuple):
 
 
 def styled(draw: Callable[P, T]) -> Callable[P, T]:
-    """Let a function draw in this style; the caller's own settings of Matplotlib do not change."""
+    """Wrap a function to draw in this style, without changing the caller's Matplotlib settings."""
 
     @wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> T:

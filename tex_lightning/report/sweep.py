@@ -57,7 +57,7 @@ def note_failure(job: Job, reason: str) -> None:
 
 @contextmanager
 def _as_exit() -> Iterator[None]:
-    """Turn a user's mistake into the command line's message."""
+    """Convert a user's mistake to the command line's message."""
     try:
         yield
     except UserError as error:
@@ -74,11 +74,11 @@ class SweepSummary(Callback):
         self._running = ExitStack()
 
     def __reduce__(self) -> tuple[type["SweepSummary"], tuple[()]]:
-        """Go to the processes of a launcher without the lock."""
+        """Return the pickled form for the processes of a launcher, without the lock."""
         return SweepSummary, ()
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:  # noqa: ANN401
-        """Refuse settings that no job of a sweep can run with, before the first one.
+        """Reject settings that no job of a sweep can run with, before the first one.
 
         Raises:
             SystemExit: Hydra turns other exceptions of callbacks into warnings.
@@ -95,7 +95,7 @@ class SweepSummary(Callback):
         Screen.verbose = verbose if isinstance(verbose, int) else NORMAL  # it may be swept
 
     def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:  # noqa: ANN401
-        """Forget a job's configuration, half a megabyte that Hydra would keep."""
+        """Release a job's configuration, half a megabyte that Hydra would keep."""
         job_return.cfg = job_return.hydra_cfg = None
 
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:  # noqa: ANN401
@@ -134,7 +134,7 @@ def runs_side_by_side(config: DictConfig) -> bool:
 
 
 def _rows(job: Path) -> list[Row]:
-    """Return a row for each network that a job tested, or one that says what became of it."""
+    """Return a row for each network that a job tested, or one with its status."""
     start: Row = {"job": job.name, "overrides": run_overrides(job), "settings": run_settings(job)}
     if (job / FAILURE).is_file():
         failure = read_record(job / FAILURE)
@@ -169,8 +169,8 @@ def _pooled(rows: Sequence[Row]) -> list[Row]:
         if len(members) > 1:
             correct, count = (sum(row[key] for row in members) for key in KEPT[1:3])
             low, high = wilson_interval(correct, count)
-            votes = {"correct": correct, "test_samples": count, "ci_low": low, "ci_high": high}
-            folds.append({**_over("folds", members), **votes, "vote_accuracy": correct / count})
+            counts = {"correct": correct, "test_samples": count, "ci_low": low, "ci_high": high}
+            folds.append({**_over("folds", members), **counts, "vote_accuracy": correct / count})
     seeds = []
     for members in _alike([*whole, *folds], ("seed",)):
         if len(members) > 1:  # they test the same samples, so no count is pooled
@@ -203,7 +203,7 @@ def _over(what: str, members: Sequence[Row]) -> Row:
 
 def _print(rows: Sequence[Row], directory: Path) -> None:
     """Print a line per row, with what distinguishes its overrides from those of all jobs."""
-    table = make_table("sweep", ["job", "overrides", "network"], ["votes", "95 % CI", "fit s"])
+    table = make_table("sweep", ["job", "overrides", "network"], ["accuracy", "95 % CI", "fit s"])
     every = [{*row["overrides"]} for row in rows if " " not in row["job"]]
     shared = set.intersection(*every) if len(every) > 1 else set()
     for row in rows:
@@ -219,7 +219,7 @@ def _print(rows: Sequence[Row], directory: Path) -> None:
 
 
 def _figures(row: Row) -> tuple[str, ...]:
-    """Return votes, interval and time of a row, as far as it has them."""
+    """Return accuracy, interval and time of a row, as far as it has them."""
     if "vote_accuracy" not in row:
         return ("done" if row["status"] == "done" else "failed",)
     fit = f"{row['fit_seconds']:.1f}"

@@ -15,7 +15,7 @@ from tex_lightning.data.recordings import natural_key
 from tex_lightning.evaluation.outcomes import KEY
 
 PAPER = Path(__file__).with_name("paper.yaml")
-TINY = "debug=tiny shrank every budget of this run: its figures mean nothing."
+TINY = "debug=tiny shrank every budget of this run: its accuracy has no meaning."
 FOLD_KEYS = ("data.test_fold", "data.val_fold")
 # Beginnings of settings that leave a system what it is: its runs are pooled.
 POOLED = (
@@ -53,11 +53,11 @@ class Table(NamedTuple):
 
 
 def facts(results: Mapping[str, Any]) -> dict[str, dict[str, str]]:
-    """Return what tables and the page say of each tested network, by its name."""
+    """Return the facts that tables and the page show, by name of the network."""
     networks: Mapping[str, Network] = results.get("networks", {})
     return {
         name: {
-            "votes": f"{network['vote_accuracy']:.1%}",
+            "accuracy": f"{network['vote_accuracy']:.1%}",
             "correct": f"{network['correct']}/{network['test_samples']}",
             "95 % interval": "{:.1%} to {:.1%}".format(*network["vote_ci95"]),
             "chance": f"{1 / len(results['classes']):.1%}",
@@ -73,13 +73,13 @@ def facts(results: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     }
 
 
-def counted(votes: Mapping[str, Any]) -> str:
-    """Return accuracy, and the counts behind it."""
-    return f"{votes['vote_accuracy']:.1%} ({votes['correct']}/{votes['test_samples']})"
+def counted(entry: Mapping[str, Any]) -> str:
+    """Return the accuracy of an entry and its counts."""
+    return f"{entry['vote_accuracy']:.1%} ({entry['correct']}/{entry['test_samples']})"
 
 
 def _rejections(network: Network) -> dict[str, str]:
-    """Return what ``decision.unknown`` and ``data.hold_out`` led to, if given."""
+    """Return the metrics of ``decision.unknown`` and ``data.hold_out``, if present."""
     cells: dict[str, str] = {}
     unknown = network.get("unknown", {})
     for key in ("false_rejections", "accepted_unknown"):
@@ -115,14 +115,14 @@ def print_results(results: dict[str, Any], directory: Path) -> None:
         table.add_row(fact, *(network.get(fact, "") for network in shown.values()))
     tables, by_condition = [table], condition_rows(results["networks"])
     if by_condition and results["data"] == "manifest":
-        tables.append(make_table("votes by condition", ["", ""], list(results["networks"])))
+        tables.append(make_table("accuracy by condition", ["", ""], list(results["networks"])))
         for row in by_condition:
             tables[-1].add_row(*row.values())
     print_tables(directory, *tables)
 
 
 def condition_rows(networks: Mapping[str, Network]) -> list[dict[str, str]]:
-    """Return votes of each network by condition and value.
+    """Return the accuracy of each network by condition and value.
 
     A condition of a single value has no row, and one of very many is left to ``results.json``.
     """
@@ -133,10 +133,10 @@ def condition_rows(networks: Mapping[str, Network]) -> list[dict[str, str]]:
     rows = []
     for name, known in values.items():
         for value in sorted(known, key=natural_key) if 1 < len(known) <= MAX_LISTED else ():
-            votes = {network: entry.get(KEY, {}).get(name, {}).get(value)
-                     for network, entry in networks.items()}  # fmt: skip
+            entries = {network: entry.get(KEY, {}).get(name, {}).get(value)
+                       for network, entry in networks.items()}  # fmt: skip
             cells = {
-                network: counted(counts) if counts else "" for network, counts in votes.items()
+                network: counted(counts) if counts else "" for network, counts in entries.items()
             }
             rows.append({"condition": name, "value": value, **cells})
     return rows

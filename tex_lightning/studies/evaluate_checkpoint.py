@@ -109,7 +109,7 @@ def draw_figures(
 ) -> None:
     """Save confusions and calibration."""
     counts = vote_counts(outcomes, classes)
-    title = f"{name}: votes on {len(outcomes)} test samples"
+    title = f"{name}: {len(outcomes)} test samples"
     figures = {
         "confusion": confusion_figure(counts, classes, title),
         "calibration": calibration_figure(outcomes, name),

@@ -134,7 +134,7 @@ def chosen_folds(count: int, only: list[int] | None) -> list[int]:
 def training_results(
     config: Config, dataset: Dataset, networks: dict[str, Any], seconds: float
 ) -> dict[str, Any]:
-    """``results.json`` of a training, with the source of each network's or trunk's weights."""
+    """Return ``results.json`` of a training, with the sources of networks' and trunks' weights."""
     model, begun = config.model, {**config.sources, **config.model.checkpoints}
     weights = {name: begun.get(name, RANDOM) for name in model.senses}
     frame = results_frame(config, model.name, dataset.classes, dataset.skipped, networks, seconds)
@@ -297,7 +297,7 @@ def _test_network(
         draw_figures(outcomes, dataset.classes, kind, directory)
     log_test(loggers, kind, plain_values(config), result)
     log.info(
-        "Fold %s, %s: %d of %d votes correct, trained in %.1f s.",
+        "Fold %s, %s: %d of %d samples correct, trained in %.1f s.",
         config.data.test_fold, classifier.card.title, result["correct"], result["test_samples"],
         result["fit_seconds"],
     )  # fmt: skip

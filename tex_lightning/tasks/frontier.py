@@ -69,7 +69,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
 
 
 def _choose(systems: Sequence[System]) -> System:
-    """Choose a system by its time and its votes on samples of all senses."""
+    """Choose a system by its time and its accuracy on samples of all senses."""
     widths = [len(system.config.model.modalities) for system in systems]
     joint = systems[widths.index(max(widths))].tests
     named = {system.name: system for system in systems}
@@ -154,7 +154,7 @@ def frontier_figure(rows: Sequence[Row]) -> Figure:
     axes.set(
         xscale="log",
         xlabel="ms for one sample, features included (mean over samples)",
-        ylabel="vote accuracy with Wilson's 95 % interval",
+        ylabel="recording accuracy with Wilson's 95 % interval",
         title="Accuracy against latency",
     )
     axes.yaxis.set_major_formatter(PercentFormatter(1))
@@ -173,7 +173,7 @@ def print_frontier(rows: Sequence[Row], directory: Path, command: str) -> None:
         directory: The run folder.
         command: The command that trains the chosen system.
     """
-    table = make_table("frontier", ["system"], ["votes", "95 % CI", "ms", "fit s", "parameters"])
+    table = make_table("frontier", ["system"], ["accuracy", "95 % CI", "ms", "fit s", "parameters"])
     table.caption = "ms: mean of one sample"
     for row in rows:
         table.add_row(
@@ -188,8 +188,8 @@ def print_frontier(rows: Sequence[Row], directory: Path, command: str) -> None:
     console.print(table)
     (chosen,) = (row for row in rows if row["chosen"])
     say(
-        f"{chosen['system']} is chosen on all votes, so its own {chosen['vote_accuracy']:.1%} is "
-        "optimistic, and holds for these classes."
+        f"{chosen['system']} is chosen on all tested samples, so its own accuracy of "
+        f"{chosen['vote_accuracy']:.1%} is optimistic, and holds for these classes."
     )
     say(f"Train it with: {command}", wraps=False)
     print_tables(directory)
