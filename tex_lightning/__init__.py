@@ -39,7 +39,7 @@ __all__ = [
 ]
 
 # Where a public name is defined. Most modules need PyTorch, which is imported when one is asked
-# for: a mistyped command is refused before.
+# for: a mistyped command fails before.
 _MODULES = {
     "FusionNet": "networks.fusionnet",
     "HapticNet": "networks.hapticnet",
@@ -72,5 +72,5 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    """All names, those among them that are not imported yet."""
+    """Return all names, also those that are not imported yet."""
     return sorted({*globals(), *__all__})

@@ -213,7 +213,7 @@ def _interrupted() -> str:
 
 
 def run_job(composed: DictConfig) -> float | None:
-    """Run one composed job; a sweep goes on whatever becomes of it.
+    """Run one composed job; a sweep continues even if it fails.
 
     Returns:
         What a sweeper that searches is to minimise; None of a job that failed or trains nothing.
@@ -275,7 +275,7 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
 
 
 def _run_in_folder(config: Config, composed: DictConfig, job: Job) -> dict[str, Any]:
-    """Run a task in its run folder, which it has for itself; return its results, if any."""
+    """Run a task in its locked run folder; return its results, if any."""
     locked = is_rank_zero() and config.task not in SILENT
     lock = locked_folder(job.directory) if locked else nullcontext()
     with verbosity(config.verbose), finishing(), lock:
@@ -291,7 +291,7 @@ def _run_in_folder(config: Config, composed: DictConfig, job: Job) -> dict[str, 
 
 
 def _set_devices(config: Config, job: Job) -> None:
-    """Set PyTorch's threads and precision, and refuse devices that a task cannot use.
+    """Set PyTorch's threads and precision, and reject devices that a task cannot use.
 
     The layers of a short chunk of a stream are so small that a second thread only costs time. A
     user's ``OMP_NUM_THREADS`` is left as it is.
@@ -320,7 +320,7 @@ def _set_devices(config: Config, job: Job) -> None:
 
 
 def _check_origin(job: Job) -> None:
-    """Refuse several processes where Lightning cannot start them by the same command line."""
+    """Reject several processes where Lightning cannot start them by the same command line."""
     if job.origin == "sweep":
         from tex_lightning.report.sweep import NO_SWEEP
 

@@ -26,7 +26,7 @@ def printable(text: str) -> str:
 
 
 def printable_lines(text: str) -> str:
-    """Return what :func:`printable` does of each line; tabs become blanks."""
+    """Apply :func:`printable` to each line; tabs become blanks."""
     return "\n".join(map(printable, text.expandtabs(1).split("\n")))
 
 

@@ -134,7 +134,7 @@ class RawNetwork(Baseline):
         return 1 + spare // STRIDE
 
     def fit(self, recordings: Sequence[Array], labels: npt.NDArray[np.int64], seed: int) -> None:
-        """Learn the first filters from patches, then all layers from fragments cut at random."""
+        """Fit the first filters to patches, then all layers to random fragments."""
         traces = [torch.from_numpy(np.asarray(trace, dtype=np.float32)) for trace in recordings]
         self.scale = float(torch.cat(traces).std()) or 1.0
         traces = [self._prepare(trace) for trace in traces]

@@ -1,4 +1,4 @@
-"""What a baseline is: settings, a way to fit whole recordings, and class scores of one of them.
+"""Base classes of baselines: settings, a fit to whole recordings, and class scores.
 
 A scikit-learn estimator is kept as a tensor of bytes, so that a checkpoint holds nothing but
 tensors. skops stores what it is made of as a tree of objects, each with its class. It is read only
@@ -80,10 +80,10 @@ def _check(content: bytes, more: Sequence[str]) -> None:
     with ZipFile(BytesIO(content)) as archive:
         objects = set(_objects(json.loads(archive.read("schema.json"))))
     allowed = {OBJECT: (*ESTIMATORS, *more), **PLAIN}
-    refused = {name for reader, name in objects if name not in allowed.get(reader, ())}
-    if refused:
+    rejected = {name for reader, name in objects if name not in allowed.get(reader, ())}
+    if rejected:
         raise UserError(
-            f"The estimator holds {listed(sorted(refused))}, which a checkpoint may not; a "
+            f"The estimator holds {listed(sorted(rejected))}, which a checkpoint may not; a "
             "baseline of your own names such classes in estimator_classes, and functions cannot be "
             "kept."
         )
@@ -148,7 +148,7 @@ class Baseline(ABC):
 
     @abstractmethod
     def load_state(self, state: State) -> None:
-        """Take over what :meth:`state` gave."""
+        """Load the values that :meth:`state` returned."""
 
     @abstractmethod
     def count_parameters(self) -> int:

@@ -100,7 +100,7 @@ class FisherVectors(Baseline):
         self.frozen = frozen.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def with_budget(self, budget: float) -> Self:
-        """Return it with fewer Gaussians, features and scales, those nearest to the photo's own."""
+        """Return a copy with fewer Gaussians, features and scales: those nearest to the photo's."""
         kept = max(1, int(len(self.scales) * budget))
         return replace(super().with_budget(budget), scales=sorted(self.scales, key=abs)[:kept])
 
@@ -231,7 +231,7 @@ def fisher_vector(features: Tensor, weights: Tensor, means: Tensor, variances: T
 
 
 def improved(vector: Tensor) -> Tensor:
-    """Take the signed square root, then bring it to length 1 (a vector of zeros stays)."""
+    """Return the signed square root, scaled to length 1 (a vector of zeros stays)."""
     rooted = vector.sign() * vector.abs().sqrt()
     return nn.functional.normalize(rooted, dim=0)
 

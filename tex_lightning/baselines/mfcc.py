@@ -175,7 +175,7 @@ class MfccNaiveBayes(EstimatorBaseline, Cepstra):
     kind: ClassVar = "haptic"
 
     def features(self, recording: Array) -> Array:
-        """Mean of the frames' coefficients (last - first + 1,)."""
+        """Return the mean of the frames' coefficients (last - first + 1,)."""
         mean: Array = self.coefficients(recording, self.sampling_rate).mean(axis=0)
         return mean
 

@@ -103,7 +103,7 @@ class MiniRocket(EstimatorBaseline):
 
 
 def _check_transform(transform: Any, length: int) -> None:  # noqa: ANN401
-    """Refuse what no fit to traces of one axis and this length gives."""
+    """Reject a transform that no fit to traces of one axis and this length gives."""
     kinds = (np.int32, np.int32, np.int32, np.int32, np.float32)
     if type(transform) is not Transform or len(transform.parameters) != len(kinds):
         raise ValueError("no MiniRocket")

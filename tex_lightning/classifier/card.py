@@ -228,7 +228,7 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Name the file in what goes wrong while a classifier is built from a checkpoint.
+    """Add the name of the file to errors while a classifier is built from a checkpoint.
 
     Raises:
         UserError: If a value of it cannot be used, or it is damaged in any way.
@@ -251,7 +251,7 @@ def reading(path: Path) -> Iterator[None]:
 
 
 def _check(card: Card) -> None:
-    """Refuse a card whose values would fail, or be misread, only when they are used.
+    """Reject a card whose values would fail, or be misread, only later.
 
     Raises:
         ValueError: Naming the value.

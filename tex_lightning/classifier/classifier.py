@@ -337,7 +337,7 @@ class SurfaceClassifier(nn.Module):
         return part.to(self.device).train(self.training)
 
     def require(self, available: Sequence[str] | dict[str, Any]) -> None:
-        """Refuse a sample that lacks a modality.
+        """Reject a sample that lacks a modality.
 
         Raises:
             UserError: Naming it.
@@ -366,7 +366,7 @@ def _sublayer(layer: FusionLayer, indices: Sequence[int]) -> FusionLayer:
 
 
 def _set_scores(network: Any, fresh: Any, head: nn.Linear) -> None:  # noqa: ANN401
-    """Give a network whose scores were removed those of a fusion layer of it alone."""
+    """Restore the removed scores of a network from a fusion layer of it alone."""
     if hasattr(network, "head"):
         network.head.scores = fresh.head.scores
     layer = network.score_layer

@@ -45,7 +45,7 @@ class Vote:
         return replace(self, label=int(self.probabilities.argmax()))
 
     def doubted(self, share: float) -> "Vote":
-        """Keep the label, and spread a ``share`` of votes and probabilities over all classes."""
+        """Return the vote with a ``share`` of votes and probabilities spread over all classes."""
         even = share / len(self.shares)
         return replace(
             self,
@@ -55,7 +55,7 @@ class Vote:
 
 
 def max_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
-    """Let every fragment vote for its most probable class; the class with most votes wins.
+    """Count a vote of every fragment for its most probable class; most votes win.
 
     Ties are broken by the larger mean probability over all fragments, then by the lower class
     index. The order of the fragments never matters beyond rounding of that mean.

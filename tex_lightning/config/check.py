@@ -1,7 +1,7 @@
 """Checks of a configuration beyond types: ranges, choices, and keys that need each other.
 
 Ranges and choices of single keys stand in the schema. Beside them only that is checked which would
-be passed over in silence or fail late; what a class refuses when it is made, it says itself. All
+be passed over in silence or fail late; a class reports itself what it rejects when it is made. All
 complaints are made at once, before any work.
 """
 
@@ -43,7 +43,7 @@ Rule = tuple[bool, str]  # whether something is wrong, and the complaint
 
 
 def checked_config(composed: DictConfig) -> Config:
-    """Turn a composed configuration into a typed one, and check it.
+    """Return the typed form of a composed configuration, checked.
 
     Raises:
         UserError: If a key or value cannot be used.
@@ -54,7 +54,7 @@ def checked_config(composed: DictConfig) -> Config:
 
 
 def check_config(config: Config) -> None:
-    """Refuse invalid values, naming all of them in one sentence.
+    """Reject invalid values, naming all of them in one sentence.
 
     Raises:
         UserError: If there are any.
@@ -209,7 +209,7 @@ def _is_plain_name(name: str) -> bool:
 
 
 def _unknown_names(config: Config) -> Iterator[str]:
-    """Complain of names that no sense and no perturbation has."""
+    """Yield a sentence for each name that no sense and no perturbation has."""
     model, senses = config.model, config.frontier.senses
     checkpoints = [f"{name}{CHECKPOINT}" for name in model.known]
     if isinstance(config.weights, dict):
@@ -238,7 +238,7 @@ def _unknown_trunks(sources: dict[str, str], model: ModelConfig) -> Iterator[str
 
 
 def check_shares(config: Config, processes: int) -> None:
-    """Refuse batches that ``processes`` processes cannot share evenly.
+    """Reject batches that ``processes`` processes cannot share evenly.
 
     Raises:
         UserError: Naming the batch sizes.

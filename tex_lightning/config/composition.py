@@ -149,7 +149,7 @@ def current_job(*, python: bool = False) -> Job:
 
 
 def read_config(composed: DictConfig) -> Config:
-    """Turn a composed configuration into a typed one, with the user's own senses.
+    """Return the typed form of a composed configuration, with custom senses.
 
     Raises:
         UserError: If a key is open (``???``) or read by nothing, or a sense cannot be used.

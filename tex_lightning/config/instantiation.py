@@ -35,7 +35,7 @@ def build(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: 
             does not give.
 
     Raises:
-        UserError: If the class does not exist, lacks a library, or refuses the arguments.
+        UserError: If the class does not exist, lacks a library, or rejects the arguments.
     """
     from hydra.utils import instantiate  # a fifth of a second, which cards do without
 
@@ -49,7 +49,7 @@ def build(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: 
 def _accepted(
     called: Callable[..., Any], values: Mapping[str, Any], offered: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return those of the offered arguments that are taken and not given yet."""
+    """Return the offered arguments that a class accepts and that are not set yet."""
     try:
         names = [*inspect.signature(called).parameters] if offered else []
     except ValueError:  # of a class that is written in C
@@ -180,7 +180,7 @@ _TRUSTED: set[str] = set()  # packages and single classes, of the whole process
 
 
 def trust(*names: str) -> None:
-    """Trust packages or single classes in this process from now on; their code may run."""
+    """Add packages or single classes to those that this process may import and run."""
     _TRUSTED.update(names)
 
 

@@ -89,7 +89,7 @@ def walk(section: Any, prefix: str = "") -> Iterator[tuple[str, Key]]:  # noqa: 
 
 
 def beyond(name: str, value: object, key: Key) -> Iterator[str]:
-    """Complain of a value, or of one in a list, that its key does not allow; null passes."""
+    """Yield an error for each value, or item of a list, that ``key`` does not allow."""
     for item in value if isinstance(value, list) else [value]:
         if item is not None and key.choices:
             yield from choice(name, item, key.choices)
@@ -98,7 +98,7 @@ def beyond(name: str, value: object, key: Key) -> Iterator[str]:
 
 
 def choice(name: str, value: object, allowed: Sequence[object]) -> Iterator[str]:
-    """Complain of a value outside ``allowed``, with the nearest one that is in it."""
+    """Yield an error for a value outside ``allowed``, with the nearest allowed one."""
     if value not in allowed:
         known = list(map(str, allowed))
         rest = f"choose {', '.join(known)}" if known else "there is none to choose, leave it out"

@@ -1,4 +1,4 @@
-"""Turn what Hydra says of a mistyped command line into one sentence with near matches."""
+"""Explain Hydra's errors about a mistyped command line in one sentence with near matches."""
 
 import re
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ NOISE = ("full_key:", "object_type=", "reference_type=", "See https:", "Set the 
 
 
 def explain(error: Exception) -> UserError:
-    """Say what Hydra or OmegaConf raised in one sentence, with what was probably meant."""
+    """Explain an error of Hydra or OmegaConf in one sentence, with near matches."""
     if isinstance(error, OverrideParseException):
         return UserError(
             f"{shorten(repr(error.override))} cannot be read; write key=value without spaces, or "

@@ -60,7 +60,7 @@ def _named_folders(overrides: Sequence[str]) -> Iterator[Path]:
 
 
 def _homes(package: str) -> Iterator[Path]:
-    """Yield folders of a top package, found without importing it."""
+    """Yield the folders of a top-level package without importing it."""
     spec = find_spec(package)
     yield from map(Path, (spec and spec.submodule_search_locations) or ())
 
@@ -78,7 +78,7 @@ def user_folders() -> list[Path]:
 
 
 def use_config_dir(arguments: Sequence[str]) -> list[str]:
-    """Look for configuration files in the folder that ``--config-dir`` names, if there is one.
+    """Set the folder of ``--config-dir``, if there is one, as a source of configuration files.
 
     The current folder becomes importable with it, as ``python -m`` makes it and an installed
     command does not, and so does the folder around it: classes beside the files are found.

@@ -1,4 +1,4 @@
-"""What a person reads on standard error and in the log, and how much of it.
+"""Messages on standard error and in the log, filtered by ``verbose``.
 
 Standard output belongs to results. Libraries that read damaged files are silenced here, since one
 sentence of this package names such a file.
@@ -84,7 +84,7 @@ def verbosity(verbose: int) -> Iterator[None]:
 def _warn(
     message: object, category: object, filename: str, lineno: int, *_: object, **__: object
 ) -> None:
-    """Log what libraries warn of in one line, and of each line of their code the first."""
+    """Log a library's warning in one line, once for each line of its code."""
     origin = f"{filename}:{lineno}"
     if origin not in Screen.logged:
         Screen.logged.add(origin)
@@ -102,14 +102,14 @@ def is_interactive() -> bool:
 
 
 def log_once(logger: logging.Logger, text: str) -> None:
-    """Log what is the same for every fold, such as where weights are from, at the first of them."""
+    """Log a message that is the same for every fold, such as the source of weights, once."""
     if text not in Screen.logged:
         Screen.logged.add(text)
         logger.info("%s", text)
 
 
 def say(text: str, style: str = "", *, wraps: bool = True) -> None:
-    """Print a sentence that is read whatever ``verbose`` is; a command to copy does not wrap."""
+    """Print a sentence at any value of ``verbose``; a command to copy does not wrap."""
     wraps = wraps and console.is_terminal
     console.print(Text(printable_lines(text), style), soft_wrap=not wraps)
 
@@ -167,7 +167,7 @@ class LogFile(logging.FileHandler):
 
 @contextmanager
 def suppress_warnings() -> Iterator[None]:
-    """Keep what libraries warn of while they read.
+    """Collect the warnings of libraries while they read.
 
     The filters of warnings are those of the process: threads read inside of one such block.
     """
@@ -179,7 +179,7 @@ def suppress_warnings() -> Iterator[None]:
 
 @cache
 def suppress_libtiff() -> None:
-    """Let the libtiff that comes with Pillow print nothing; another one may."""
+    """Suppress the output of the libtiff that comes with Pillow; another one may print."""
     from PIL import _imaging  # which is loaded only where photos are read
 
     home = Path(_imaging.__file__).parents[1]

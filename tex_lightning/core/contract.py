@@ -1,4 +1,4 @@
-"""What each class of a user's own has to be; what it raises keeps its traceback.
+"""Contracts of custom classes; their exceptions keep the traceback.
 
 :mod:`tex_lightning.learning.trial` tries those of training once before work.
 """
@@ -35,7 +35,7 @@ CONTRACTS = {
 
 @contextmanager
 def calling(key: str, kind: str, part: object) -> Iterator[None]:
-    """Note on what a class raises its key and contract, which are shown before its traceback.
+    """Add the key and the contract of a class to its exceptions, shown before the traceback.
 
     Args:
         key: Its key in the configuration.
@@ -53,7 +53,7 @@ def calling(key: str, kind: str, part: object) -> Iterator[None]:
 
 @contextmanager
 def making(key: str, target: str) -> Iterator[None]:
-    """Name the key of a class that cannot be made.
+    """Add the key of a class to the error if it cannot be made.
 
     What a user's class raises keeps its traceback.
 
@@ -62,7 +62,7 @@ def making(key: str, target: str) -> Iterator[None]:
         target: Dotted path of the class.
 
     Raises:
-        UserError: If a class of this package or of a library that it builds on refuses.
+        UserError: If a class of this package or of a library that it builds on fails.
     """
     try:
         yield
@@ -78,7 +78,7 @@ def making(key: str, target: str) -> Iterator[None]:
 
 
 def _innermost(error: Exception) -> Exception:
-    """Return what a class raised, of which Hydra makes an error of its own."""
+    """Return the exception of a class that Hydra wrapped in its own."""
     while type(error).__name__ == "InstantiationException" and isinstance(
         error.__cause__, Exception
     ):

@@ -36,7 +36,7 @@ def pick_device(accelerator: str) -> torch.device:
 
 
 def use_tf32(allowed: bool) -> None:
-    """Let NVIDIA GPUs round the factors of fp32 products to 10 bits, or let none of them.
+    """Set whether NVIDIA GPUs round the factors of fp32 products to 10 bits (TF32).
 
     PyTorch lets convolutions do so unless it is told otherwise.
     """
@@ -73,7 +73,7 @@ def synchronise(device: torch.device) -> None:
 
 
 def keep_memory() -> None:
-    """Keep the freed memory of CPU tensors for the next ones, in this process from now on.
+    """Keep the freed memory of CPU tensors in this process for the next ones.
 
     The allocator of glibc returns large pieces to the system, which has to clear every page when
     it is asked for again: up to a tenth of a step. Other systems are left as they are.
@@ -86,7 +86,7 @@ def keep_memory() -> None:
 
 @contextmanager
 def computing_threads(count: int | None = None) -> Iterator[None]:
-    """Let PyTorch use so many threads, and as many as before when that is over.
+    """Set PyTorch's number of threads inside the context, and restore it afterwards.
 
     Args:
         count: For this thread and those that begin meanwhile; None changes nothing itself, and

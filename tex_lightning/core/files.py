@@ -1,4 +1,4 @@
-"""Files that are whole or not there."""
+"""Atomic reading and writing of files: complete or absent."""
 
 import csv
 import errno
@@ -22,7 +22,7 @@ LARGEST_JSON = 64 << 20  # bytes; in memory it is many times as large
 
 
 def require_file(path: Path) -> None:
-    """Refuse a file that is missing or empty, and what is no file."""
+    """Reject a path that is missing, empty or no file."""
     if not is_file(path):
         if os.path.lexists(path):
             raise UserError(
@@ -47,7 +47,7 @@ def resolved(path: Path) -> Path:
 
 
 def check_lines(path: Path) -> None:
-    """Refuse what has no lines before it is taken into memory as text.
+    """Reject a file with a very long line before it is read into memory as text.
 
     Raises:
         ValueError: If a line is longer than :data:`LONGEST_LINE`.
@@ -112,7 +112,7 @@ def write_bytes(target: Path, content: bytes) -> None:
 
 
 def write_atomically(target: Path, write: Callable[[Path], object]) -> None:
-    """Let ``write`` fill a file beside ``target`` and move it there when it is whole.
+    """Write a file beside ``target`` with ``write``, and move it there when it is complete.
 
     Raises:
         UserError: If it cannot be written.

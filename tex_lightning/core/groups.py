@@ -53,7 +53,7 @@ def divide(kinds: Sequence[Hashable], groups: Sequence[Hashable], parts: int) ->
 
 
 def leave_out(labels: Sequence[int], groups: Sequence[Hashable]) -> list[int]:
-    """Choose in which of at most ten parts each row is left out, each time with its whole group.
+    """Choose the part, of at most ten, in which each row is left out with its whole group.
 
     Args:
         labels: Class of each row.

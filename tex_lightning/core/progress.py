@@ -1,4 +1,4 @@
-"""How far the work is: Rich's bars on a terminal, a line a minute elsewhere.
+"""Progress: Rich's bars on a terminal, a line a minute elsewhere.
 
 Work is nested: folds have networks, networks epochs. Each level has a bar below the outer one.
 """
@@ -62,7 +62,7 @@ class Stage:
         _log_progress()
 
     def end(self) -> None:
-        """Take this level away, and what is left of those inside."""
+        """Remove this level and the levels inside it."""
         if self in Stage.levels:
             _cut(Stage.levels.index(self))
 
@@ -86,7 +86,7 @@ def _cut(depth: int) -> None:
 
 
 def _log_progress() -> None:
-    """Log all levels in one line where nothing is drawn, if a minute is over."""
+    """Log all levels in one line, once a minute, where no bar is drawn."""
     due = time.monotonic() - Stage.told >= TOLD and Screen.verbose > QUIET
     if due and Stage.bars.disable:
         Stage.told = time.monotonic()
@@ -114,7 +114,7 @@ def hidden() -> Iterator[None]:
 
 @contextmanager
 def finishing() -> Iterator[None]:
-    """Take away the levels that are begun inside, whatever ends them."""
+    """Remove the levels that begin inside the context, also after an exception."""
     depth = len(Stage.levels)
     try:
         yield

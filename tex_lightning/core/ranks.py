@@ -1,4 +1,4 @@
-"""This process among those that train one network together, as its environment has it.
+"""Rank of this process in its process group, from the environment.
 
 Lightning's launcher, ``torchrun`` and ``srun`` say so in variables. It is asked before PyTorch is
 imported, so that a mistyped command is answered at once.
@@ -26,6 +26,6 @@ def started_processes() -> int | None:
 
 
 def suppress_output() -> None:
-    """Say nothing in this process."""
+    """Suppress all output of this process."""
     logging.disable()
     warnings.simplefilter("ignore")

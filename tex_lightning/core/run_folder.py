@@ -38,7 +38,7 @@ def holds_work(directory: Path) -> bool:
 
 @contextmanager
 def locked_folder(directory: Path, key: str = "hydra.run.dir") -> Iterator[None]:
-    """Keep other processes out of a run folder.
+    """Lock a run folder against other processes.
 
     Args:
         directory: The folder; made if it does not exist.
@@ -64,10 +64,10 @@ def locked_folder(directory: Path, key: str = "hydra.run.dir") -> Iterator[None]
 
 
 def claim_folder(composed: DictConfig, values: dict[str, Any], job: "Job") -> None:
-    """Note settings and overrides in the run folder, unless the work of another run lies there.
+    """Write settings and overrides to the run folder, unless it holds another run.
 
-    Hydra would write its own record before anything could be refused, so it is told not to and
-    ``.hydra`` is written here.
+    Hydra would write its own record before any check, so it is disabled
+    and ``.hydra`` is written here.
 
     Args:
         composed: As Hydra composed it.

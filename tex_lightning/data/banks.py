@@ -50,7 +50,7 @@ class InputBank:
 
     @property
     def inputs(self) -> list[Tensor]:
-        """Return the inputs (..., frames), in the order in which they were given."""
+        """Inputs (..., frames), in the original order."""
         starts = zip(self.starts.tolist(), self.lengths.tolist(), strict=True)
         return [self.flat[start : start + length].movedim(0, -1) for start, length in starts]
 

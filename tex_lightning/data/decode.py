@@ -1,4 +1,4 @@
-"""Decode one recording to an array, strictly: damaged files are refused, never guessed.
+"""Decode one recording to an array, strictly: damaged files raise an error.
 
 A checkpoint carries the settings used here, so prediction decodes as training did. Recordings given
 as arrays are brought to the same form.
@@ -196,7 +196,7 @@ def read_trace(
 
 
 def to_rate(trace: npt.NDArray[np.floating], source: float, target: float, name: str) -> Trace:
-    """Bring samples (axes, samples) from the rate ``source`` to the rate ``target`` in Hz.
+    """Resample (axes, samples) from the rate ``source`` to the rate ``target`` in Hz.
 
     Raises:
         UserError: If the rates are too far apart, beginning with ``name``.
@@ -248,7 +248,7 @@ def _middle(photo: Photo) -> Photo:
 
 
 def check_samples(trace: npt.NDArray[np.floating], name: str, place: int = 0) -> None:
-    """Refuse a trace (axes, samples) with a number that no sensor gives.
+    """Reject a trace (axes, samples) with NaN, infinite or absurdly large values.
 
     Args:
         trace: The samples, from number ``place`` of a longer recording on.

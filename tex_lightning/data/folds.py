@@ -127,7 +127,7 @@ class Sample:
 
 
 def with_folds(recordings: Recordings, folds: int) -> Recordings:
-    """Give every recording of a whole table its fold, unless they have them.
+    """Assign a fold to every recording of a table, unless all have one.
 
     Args:
         recordings: The table; of a part of it folds may be others.

@@ -50,7 +50,7 @@ def level(samples: Array) -> float:
 def trace_quality(
     samples: Array, ranges: Ranges, what: str, measures: Mapping[str, float]
 ) -> Quality:
-    """Name the faults of a signal.
+    """Return the faults of a signal.
 
     Args:
         samples: (axes, samples) as they came: resampling would blur what is constant or clipped.
@@ -99,7 +99,7 @@ def trace_measures(trace: Trace, rate: float, sampling_rate: float) -> dict[str,
 
 
 def photo_quality(photo: Photo, ranges: Ranges, what: str) -> Quality:
-    """Say what is wrong with a decoded photo (height, width, 3) that is called ``what``."""
+    """Return the faults of a decoded photo (height, width, 3) that is called ``what``."""
     measures = _photo_measures(photo)
     if measures["contrast"] < UNIFORM:
         return Quality((f"The {what} is uniform, so it shows nothing; check the camera.",), True)
@@ -128,7 +128,7 @@ def training_ranges(rows: Iterable[Recording], store: Store) -> dict[str, list[f
 
 
 def _photo_measures(photo: Photo) -> dict[str, float]:
-    """Mean and standard deviation of the grey levels, 0 to 255, of some of the pixels."""
+    """Return mean and standard deviation of the grey levels, 0 to 255, of some of the pixels."""
     step = max(1, min(photo.shape[:2]) // PHOTO_SIDE)
     grey = photo[::step, ::step].mean(axis=2)
     return {"brightness": float(grey.mean()), "contrast": float(grey.std())}
@@ -145,7 +145,7 @@ def limits(ranges: Ranges) -> dict[str, tuple[float, float, str]]:
 
 
 def _unlike(ranges: Ranges, what: str, measures: Mapping[str, float]) -> Iterator[str]:
-    """Name the measures that lie far outside those of the training."""
+    """Return a warning for each measure far outside the range of the training."""
     known = limits(ranges)
     for name, value in measures.items():
         low, high, advice = known.get(name, (0.0, np.inf, ""))

@@ -113,12 +113,12 @@ class Recording:
 
     @property
     def group_key(self) -> str:
-        """Name the group among those of all classes and modalities."""
+        """Identity of the group among those of all classes and modalities."""
         return self.group if isinstance(self.group, str) else f"{self.label}/{self.group}"
 
     @property
     def source(self) -> str:
-        """Name the file and the part of it, for messages and tables; no two recordings share it."""
+        """Unique name of the file and its part, for messages and tables."""
         return f"{self.path}#{write_part(self.part)}" if self.part else str(self.path)
 
 
@@ -152,7 +152,7 @@ class Recordings:
 
     @property
     def classes(self) -> list[str]:
-        """Return the class names in natural order, in which a name's position is its index."""
+        """Class names in natural order; the position of a name is its index."""
         return sorted({row.label for row in self.rows}, key=natural_key)
 
     def of(self, modality: str) -> "Recordings":
@@ -296,7 +296,7 @@ def _parsed(parse: Callable[[str], Any], text: str) -> Any:  # noqa: ANN401
 
 
 def check_row(row: Any, where: str) -> None:  # noqa: ANN401
-    """Refuse a row that is not as :class:`Recording` says, beginning with ``where``.
+    """Reject a row that violates :class:`Recording`; the message begins with ``where``.
 
     Raises:
         UserError: Naming the field and what it should be.
@@ -329,7 +329,7 @@ FIELDS: dict[str, tuple[Callable[[Any], bool], str]] = {
 
 
 def check_distinct(what: str, rows: Iterable[Recording]) -> None:
-    """Refuse what is listed twice: in two groups it would be trained and tested on."""
+    """Reject duplicates: in two groups a file would be trained and tested on."""
     listed: dict[Path, list[tuple[int, Part | None]]] = defaultdict(list)
     for number, row in enumerate(rows, start=1):
         for earlier, part in listed[row.path]:

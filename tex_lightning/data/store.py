@@ -1,4 +1,4 @@
-"""Every file is decoded once, into memory-mapped arrays outside the package.
+"""Cache of decoded files: memory-mapped arrays outside the package.
 
 One ``.npy`` per recording, named by a digest of its files' identity (path, time of change, size and
 ends) and the decode settings; of a recording that is a part of its file the part is cut out after

@@ -96,12 +96,12 @@ def axis_files(path: Path) -> tuple[Path, ...]:
 
 
 def stands_for_all(path: Path) -> bool:
-    """Return whether a file is the first of its recording, by which the others are found."""
+    """Return whether a file is the first of its recording, which stands for the others."""
     return path == next(filter(is_file, axis_files(path)), path)
 
 
 def axes_first(samples: Array) -> Array | None:
-    """Bring (samples,), (axes, samples) or (samples, axes) to (axes, samples), 1 to 64 axes.
+    """Transpose (samples,), (axes, samples) or (samples, axes) to (axes, samples), 1 to 64 axes.
 
     Returns:
         None if the samples have another shape or there are none.
@@ -113,7 +113,7 @@ def axes_first(samples: Array) -> Array | None:
 
 
 def choose_channels(trace: Array, channels: Sequence[int] | None, name: str) -> Array:
-    """Keep the numbered axes of samples (axes, samples), counted from 0; None keeps all.
+    """Select the numbered axes of samples (axes, samples), counted from 0; None keeps all.
 
     Raises:
         UserError: If there are not so many, beginning with ``name``.
@@ -241,7 +241,7 @@ def _words(name: str) -> list[str]:
 
 
 def _even_samples(path: Path, times: Array, samples: Array, unit: float) -> Table:
-    """Bring samples (samples, axes) to even steps, and return them as (axes, samples).
+    """Interpolate samples (samples, axes) at even steps, and return them as (axes, samples).
 
     The step is the mean of all that are no gaps: times are often rounded to few digits, so that
     their median is none.

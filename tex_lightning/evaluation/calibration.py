@@ -34,7 +34,7 @@ def calibration(outcomes: Sequence[Outcome]) -> dict[str, float]:
 
 
 def confidences(outcomes: Sequence[Outcome]) -> Array:
-    """Mean probability of the class that won, for each sample, at most 1.
+    """Return the mean probability of the predicted class of each sample, at most 1.
 
     A mean may be rounded to a little more than 1, and torchmetrics would then take all of them for
     logits.

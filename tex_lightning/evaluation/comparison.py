@@ -123,7 +123,7 @@ def pair(
 
 
 def correct_shares(outcomes: Sequence[Outcome], joint: Sequence[Outcome]) -> dict[str, float]:
-    """Share of correct votes on the joint samples, by independent recording; see :func:`pair`.
+    """Return the accuracy on the joint samples by independent recording; see :func:`pair`.
 
     Where the joint samples do not hold the system's own, by its own samples.
     """

@@ -1,4 +1,4 @@
-"""Test whether materials never seen get less confidence, and more novelty, than trained ones."""
+"""Test whether unknown materials get less confidence and more novelty than known ones."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -95,7 +95,7 @@ def unknown_entry(tested: Sequence[Tested], rate: float | None) -> dict[str, Any
 
 
 def _rejection(tested: Sequence[Tested]) -> dict[str, Any]:
-    """Return what the thresholds do; only ``threshold``, None, where a network has none."""
+    """Return threshold and rejection counts; only ``threshold``, None, where a network has none."""
     limits = [limit for _, _, limit in tested if limit is not None]
     if len(limits) < len(tested):
         return {"threshold": None}

@@ -242,7 +242,7 @@ class ClassifierGraph(nn.Module):
         return partial_logits
 
     def name_inputs(self, names: Sequence[str]) -> None:
-        """Let :meth:`forward` have parameters of these names, which torch.export asks for."""
+        """Set the parameter names of :meth:`forward`, which torch.export requires."""
 
         def forward(**given: Tensor) -> dict[str, Tensor]:
             return type(self).forward(self, **given)

@@ -62,7 +62,7 @@ def traced_start(trace: Tensor, sampling_rate: float) -> Tensor:
 
 
 def promise(condition: Any) -> None:  # noqa: ANN401
-    """Tell the tracer a fact about sizes; a program of torch.export checks it when it runs."""
+    """Assert a fact about sizes for the tracer; the exported program checks it when it runs."""
     torch._check(condition)  # type: ignore[no-untyped-call]
 
 
@@ -146,7 +146,7 @@ def factors(length: int) -> tuple[int, int]:
 
 
 def _angles(turns: Tensor, length: int) -> Tensor:
-    """-2 pi turns / length, float64; whole turns are taken off first."""
+    """Return -2 pi turns / length, float64, after subtracting whole turns."""
     return (turns % length).double() * (-2 * math.pi / length)
 
 

@@ -26,7 +26,7 @@ AXES = (1, 3)  # how many a file takes of a signal
 def trace(
     classifier: SurfaceClassifier,
 ) -> tuple[ExportedProgram, dict[str, Tensor], list[str]]:
-    """Trace a classifier, all sizes open.
+    """Trace a classifier with dynamic sizes.
 
     Args:
         classifier: On the CPU, in evaluation mode.
@@ -76,7 +76,7 @@ def untraceable(classifier: SurfaceClassifier, error: Exception) -> UserError:
 
 
 def draws(seed: int, count: int, senses: int) -> Tensor:
-    """The words (count, senses) by which PyTorch's generator draws positions, sense by sense.
+    """Return the words (count, senses) from which PyTorch's generator draws positions.
 
     Both it and NumPy's RandomState are the Mersenne Twister, seeded alike, and a position is a word
     modulo the number of positions.
@@ -114,7 +114,7 @@ def _samples(sense: Sense, rate: float) -> int:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Silence the progress messages of PyTorch's exporters."""
+    """Suppress the progress messages of PyTorch's exporters."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         logging.disable(logging.WARNING)

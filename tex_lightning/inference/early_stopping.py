@@ -31,7 +31,7 @@ MAX_WASTE = 0.5  # of the full pass, that undecided beginnings of a trace may co
 
 
 def decide(classifier: SurfaceClassifier, config: DecisionConfig) -> SurfaceClassifier:
-    """Let a classifier decide as ``config`` says.
+    """Return a classifier with the decision rule of ``config``.
 
     Args:
         classifier: In evaluation mode, as it is to run.
@@ -147,7 +147,7 @@ class SequentialClassifier(SurfaceClassifier):
         return replace(vote, relative_macs=(spent + full) / full)
 
     def _several(self, senses: Mapping[str, Sense], recordings: dict[str, Tensor]) -> Vote:
-        """Use one sense after another, the cheapest first."""
+        """Classify with one sense after another, the cheapest first."""
         inputs = {name: recordings[sense.modality] for name, sense in senses.items()}
         costs = {name: self._cost(sense, inputs[name]) for name, sense in senses.items()}
         seed, partials, spent = self.full.seed(**recordings), {}, 0
@@ -162,7 +162,7 @@ class SequentialClassifier(SurfaceClassifier):
         return replace(vote, relative_macs=spent / sum(costs.values()))
 
     def _sum(self, partials: list[Tensor], seed: int) -> Tensor:
-        """Return class scores of the tuples that the full vote draws; of one sense its own."""
+        """Return class scores of the tuples that the full vote draws, or of a single sense."""
         if len(partials) == 1:
             return partials[0]
         counts = [partial.shape[1] for partial in partials]

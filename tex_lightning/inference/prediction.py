@@ -111,7 +111,7 @@ def describe(
 
 
 def check_unknown(card: Card, described: bool) -> None:
-    """Refuse ``decision.unknown`` for a checkpoint without novelties; warn if it has few.
+    """Reject ``decision.unknown`` for a checkpoint without novelties; warn if it has few.
 
     Args:
         card: As it is to decide.

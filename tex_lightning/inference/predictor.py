@@ -170,7 +170,7 @@ class Predictor:
         return LiveStream(engine, rates, decoded, self.config.stream, self.config.top_k)
 
     def check_senses(self, modalities: Collection[str]) -> None:
-        """Refuse to be given nothing, or what this checkpoint does not look at.
+        """Reject an empty input, or a modality that this checkpoint does not use.
 
         Raises:
             UserError: Naming it.

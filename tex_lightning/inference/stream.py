@@ -52,7 +52,7 @@ class LiveSignal:
         self.kept: Array | None = None
 
     def push(self, samples: Any) -> None:  # noqa: ANN401  (what NumPy can read)
-        """Take more samples.
+        """Append samples.
 
         Args:
             samples: (samples,) or (axes, samples), as many axes as before.
@@ -124,7 +124,7 @@ class LiveStream:
         return next(iter(self.signals.values())).rate
 
     def push(self, samples: Any = None, /, **chunks: Any) -> Prediction:  # noqa: ANN401  (what NumPy can read)
-        """Take more samples and predict.
+        """Append samples and predict.
 
         Args:
             samples: (samples,) or (axes, samples) at :attr:`rate`, in the unit of the training; as

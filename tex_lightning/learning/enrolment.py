@@ -137,7 +137,7 @@ def add_classes(
 
 
 def _check_extensible(classifier: SurfaceClassifier) -> ScoreLayer | nn.Linear:
-    """Return the layer of the class scores, or refuse a network that classes cannot be added to.
+    """Return the layer of the class scores, or reject a network that cannot be extended.
 
     Raises:
         UserError: Saying why.

@@ -80,7 +80,7 @@ class SurfaceModule(LightningModule):
         self.fragment_accuracy, self.vote_accuracy = accuracy(classes), accuracy(classes)
 
     def inputs(self, batch: Batch) -> list[Tensor]:
-        """Return the network's input tensors (batch, ...) for a training batch, one for each sense."""
+        """Return the network inputs (batch, ...) of a training batch, one for each sense."""
         change = self._augmented if self.augmentation is not None and self.training else None
         inputs = []
         for name, sense in self.classifier.senses.items():
@@ -150,7 +150,7 @@ class SurfaceModule(LightningModule):
         return sense.score(x, "fc3").flatten(2)
 
     def _fused(self, features: Iterable[Tensor]) -> Tensor:
-        """Return class scores (batch, classes, tuples) of features (batch, D, positions) by sense."""
+        """Return class scores (batch, classes, tuples) of features (batch, D, positions)."""
         parts = [self.fusion.project(*part) for part in enumerate(features)]
         counts, tuples = [part.shape[-1] for part in parts], None
         if max(counts) > 1:  # of a network that gives several positions for a piece

@@ -101,7 +101,7 @@ def start_network(
     device: torch.device,
     engine: EngineConfig,
 ) -> None:
-    """Fill the trunk with the given weights, and fit what is fitted to all recordings at once.
+    """Load the trunk's weights, and fit the layers that have a closed form.
 
     That is VisualNet's head on pretrained features, and a network of signals that has a method
     ``fit(inputs, labels)`` or ``fit(inputs, labels, groups)``, as
@@ -206,7 +206,7 @@ def _sharpness(
     targets: Labels,
     parts: Labels,
 ) -> float:
-    """What makes scores of photos that were left out of the fit as confident as they are right.
+    """Return the scale under which scores of left-out photos are as confident as accurate.
 
     Args:
         fit: Gives weights and biases.
@@ -223,7 +223,7 @@ def _sharpness(
 
 
 def _regression(rows: Floats, targets: Labels, strength: float) -> tuple[Floats, Floats]:
-    """Weights (classes, D) and biases (classes,)."""
+    """Return weights (classes, D) and biases (classes,)."""
     # a sixth of the time of the command line's start, and only this needs it
     from sklearn.linear_model import LogisticRegression
 
@@ -259,13 +259,13 @@ class FrozenTrunk:
 
     @torch.no_grad()
     def mean(self, view: Pixels) -> npt.NDArray[np.float32]:
-        """Features (D,) of a photo (height, width, 3), mean over its fragments."""
+        """Return features (D,) of a photo (height, width, 3), the mean over its fragments."""
         photo = torch.from_numpy(np.array(mirrored(view, self.sense.window_size[0])))
         mean: npt.NDArray[np.float32] = self.sense.positions(photo, "fc2").mean(dim=1).cpu().numpy()
         return mean
 
     def kept(self, view: Pixels, corner: tuple[int, int], row: Recording, store: Store) -> Tensor:
-        """The same of a piece of a recording, found in the store or kept there."""
+        """Return the features of a piece of a recording, cached in the store."""
         key = hashlib.sha256(f"{self.digest} {corner} {view.shape}".encode()).hexdigest()[:16]
         return torch.from_numpy(store.derived(row, key, lambda: self.mean(view)))
 
@@ -273,7 +273,7 @@ class FrozenTrunk:
 def _view_features(
     module: SurfaceModule, photos: PhotoBank, passes: int, engine: EngineConfig
 ) -> Tensor:
-    """Features (passes * photos, D) of a view of each photo, pass by pass."""
+    """Return features (passes * photos, D) of a view of each photo, pass by pass."""
     trunk = FrozenTrunk(accelerate(module.classifier, engine), module.kind)
     numbers = [(part, index) for part in range(passes) for index in range(len(photos.recordings))]
     features = []

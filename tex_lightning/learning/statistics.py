@@ -35,7 +35,7 @@ def keep_statistics(
     *,
     frozen: bool,
 ) -> dict[str, list[float]]:
-    """Give a trained classifier its :attr:`~SurfaceClassifier.statistics`, of every sense.
+    """Set the :attr:`~SurfaceClassifier.statistics` of every sense of a trained classifier.
 
     Args:
         classifier: Trained, on the device that computes the features; left in evaluation mode.
@@ -111,7 +111,7 @@ def _texture_features(
 def embedding_banks(
     classifier: SurfaceClassifier, rows: Recordings, store: Store, engine: EngineConfig
 ) -> dict[str, InputBank]:
-    """Compute what the fusion layer of a classifier adds up, at each position of its recordings.
+    """Compute the summands of a classifier's fusion layer at each position of its recordings.
 
     Args:
         classifier: On the device that computes the features; left in evaluation mode.
@@ -150,7 +150,7 @@ def position_features(
 def complete_card(
     classifier: SurfaceClassifier, parts: Split, store: Store, engine: EngineConfig
 ) -> None:
-    """Complete the card of a trained network by what is set on the validation fold.
+    """Set temperature and known novelties of a trained card on the validation fold.
 
     That is the temperature, and the novelties of known samples that ``decision.unknown`` is set
     by. Where no layer before the scores was trained, those of training recordings that were left

@@ -41,7 +41,7 @@ BATCH = 2
 
 
 def try_training(config: Config, card: Card, directory: Path) -> list[Sense]:
-    """Make what the training of a model will make, so that what does not fit is refused before.
+    """Make all parts of the training of a model once, so that errors show before it starts.
 
     Args:
         config: How its networks are trained.
@@ -93,7 +93,7 @@ def _try_sense(model: ModelConfig, card: Card, source: str | None) -> Sense:
 def try_custom_parts(
     model: ModelConfig, card: Card, senses: Sequence[Sense], recordings: Recordings, store: Store
 ) -> None:
-    """Try the senses that have parts of a user's own as they will be trained.
+    """Train the senses with custom parts on two recordings, as in the run.
 
     Args:
         model: How they are trained.
@@ -115,7 +115,7 @@ def try_custom_parts(
 def try_branch(
     card: Card, fit: Mapping[str, Any], piece: int, recordings: Recordings, store: Store
 ) -> None:
-    """Take one sense with parts of a user's own through a training of two recordings and back.
+    """Train one sense with custom parts on two recordings, save and load it.
 
     Args:
         card: Its card, for the classes of the data.
@@ -180,7 +180,7 @@ def _parts(sense: Sense) -> tuple[Part, Part]:
 
 
 def _largest(recordings: Recordings, store: Store, count: int) -> list[Recording]:
-    """Return so many recordings of each class, the largest ones."""
+    """Return the largest ``count`` recordings of each class."""
     largest: list[Recording] = []
     for label in recordings.classes:
         rows = [row for row in recordings.rows if row.label == label]

@@ -1,4 +1,4 @@
-"""Refuse files of tensors that claim more than they hold, before memory is allocated."""
+"""Reject files of tensors that claim more than they hold, before memory is allocated."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -16,7 +16,7 @@ LARGEST_WEIGHT = 1e15
 
 
 def check_archive(file: Path | BytesIO) -> None:
-    """Refuse a zip archive that would expand to far more than its size.
+    """Reject a zip archive that would expand to far more than its size.
 
     PyTorch and skops write their archives uncompressed; those of NumPy may be compressed.
 
@@ -37,7 +37,7 @@ def _size(file: Path | BytesIO) -> int:
 
 
 def check_numbers(state: Mapping[str, Tensor]) -> None:
-    """Refuse weights that no training produces.
+    """Reject weights that are NaN, infinite or absurdly large.
 
     Raises:
         ValueError: If there is NaN, infinity or a number that makes them.

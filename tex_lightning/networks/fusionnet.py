@@ -46,7 +46,7 @@ class FusionLayer(nn.Module):
         initialise_scores(self.head)
 
     def remove_scores(self, networks: Iterable[nn.Module]) -> None:
-        """Take FC3 and its dropout out of this package's networks that are fused on FC2."""
+        """Remove FC3 and its dropout from built-in networks that are fused on FC2."""
         for network, level in zip(networks, self.levels, strict=True):
             if level == "fc2" and hasattr(network, "head"):
                 network.get_submodule("head").scores = nn.Identity()

@@ -206,7 +206,7 @@ def padded_positions(windows: Sequence[Window]) -> int:
 
 
 def reach(windows: Sequence[Window], last: int) -> int:
-    """One past the last input that the first ``last`` positions depend on, were there no end."""
+    """Return one past the last input index of the first ``last`` positions, without an end."""
     for window in reversed(windows):
         last = (last - 1) * window.stride - window.padding + window.kernel
     return last

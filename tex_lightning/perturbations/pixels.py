@@ -1,4 +1,4 @@
-"""Perturbations of a photo by sensor, light, file, lens, motion and place of the camera.
+"""Perturbations of a photo by sensor, light, file, lens, motion and position of the camera.
 
 Photos are (height, width, 3) uint8 RGB. What ImageNet-C (Hendrycks and Dietterich, 2019) has is
 done as there, but for any size of photo. Results are floats in 0 to 255 or uint8; the caller
@@ -86,13 +86,13 @@ def light_colour(photo: Array, change: float, scene: Scene) -> Array:
 
 
 def desaturation(photo: Array, share: float, scene: Scene) -> Array:
-    """Take a share of the colour away; at 1 the photo is grey."""
+    """Remove a share of the colour; at 1 the photo is grey."""
     grey: Array = cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY)[..., None].astype(np.float32)
     return grey + np.float32(1 - share) * (photo - grey)
 
 
 def light_gradient(photo: Array, loss: float, scene: Scene) -> Array:
-    """Light the photo from any one side: it falls off linearly and loses ``loss`` at the other."""
+    """Light the photo from a random side, falling off linearly by ``loss`` to the other."""
     angle = 2 * np.pi * scene.rng.random()
     height, width = photo.shape[:2]
     across = np.linspace(-1, 1, width) * np.cos(angle)
@@ -103,7 +103,7 @@ def light_gradient(photo: Array, loss: float, scene: Scene) -> Array:
 
 
 def jpeg(photo: Array, quality: float, scene: Scene) -> Array:
-    """Compress; the quality is rounded to a whole number."""
+    """Compress the photo; the quality is rounded to a whole number."""
     options = [cv2.IMWRITE_JPEG_QUALITY, round(quality)]
     _, content = cv2.imencode(".jpg", photo[..., ::-1], options)
     decoded = np.asarray(cv2.imdecode(content, cv2.IMREAD_COLOR))
@@ -111,7 +111,7 @@ def jpeg(photo: Array, quality: float, scene: Scene) -> Array:
 
 
 def image_grey(photo: Array, share: float, scene: Scene) -> Array:
-    """Grey a share of the photos all over, as of a camera that is covered."""
+    """Grey a share of the photos, like a covered camera."""
     return np.full_like(photo, 128) if scene.rng.random() < share else photo
 
 
@@ -139,7 +139,7 @@ def motion_blur(photo: Array, length: float, scene: Scene) -> Array:
 
 
 def rotation(photo: Array, degrees: float, scene: Scene) -> Array:
-    """Turn about the centre, either way."""
+    """Rotate the photo about its centre, in either direction."""
     return _about_centre(photo, 1.0, degrees if scene.rng.random() < 0.5 else -degrees)
 
 
@@ -149,7 +149,7 @@ def nearer(photo: Array, factor: float, scene: Scene) -> Array:
 
 
 def scale_down(photo: Array, factor: float, scene: Scene) -> Array:
-    """Take fewer pixels: at 2 the photo is halved once too often."""
+    """Reduce the photo by ``factor``: at 2 it is halved once too often."""
     return _resized(photo, 1 / factor)
 
 

@@ -68,7 +68,7 @@ def low_pass(trace: Array, cut_off: float, scene: Scene) -> Array:
 
 
 def silence(trace: Array, share: float, scene: Scene) -> Array:
-    """Silence a share of the recordings, as of a sensor that is unplugged."""
+    """Silence a share of the recordings, like an unplugged sensor."""
     return np.zeros_like(trace) if scene.rng.random() < share else trace
 
 
@@ -103,7 +103,7 @@ def force(trace: Array, decibel: float, scene: Scene) -> Array:
 
 
 def impact_left_in(trace: Array, strength: float, scene: Scene) -> Array:
-    """Put a decaying burst before the movement, its peak ``strength`` times the RMS.
+    """Insert a decaying burst before the movement, its peak ``strength`` times the RMS.
 
     It comes without the quiet by which a touch is recognised, as if a recording began with it.
     """

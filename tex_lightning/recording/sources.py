@@ -1,4 +1,4 @@
-"""Where samples come from: pipes, files, and by the extra ``live`` serial ports, sound cards.
+"""Sources of samples: pipes, files and, with the extra ``live``, serial ports and sound cards.
 
 Bytes of a sensor are parsed strictly: what cannot be meant raises an error that names its place.
 """
@@ -62,7 +62,7 @@ class Parser:
         return np.ascontiguousarray(samples, dtype=np.float32)
 
     def end(self) -> None:
-        """Refuse an end within a sample; the last line of text may lack its end.
+        """Reject an end within a sample; the last line of text may lack its end.
 
         Raises:
             UserError: If there was one.

@@ -73,7 +73,7 @@ class Sense(nn.Module, ABC):
 
     @abstractmethod
     def check_input(self, height: int, width: int) -> None:
-        """Refuse a network input that is too small for one fragment, where that is known.
+        """Reject a network input that is too small for one fragment, where that is known.
 
         Raises:
             UserError: Saying what it takes.
@@ -190,7 +190,7 @@ class Sense(nn.Module, ABC):
             raise self._too_small(self.features, reason(error)) from error
 
     def check(self, recording: Tensor | Array) -> None:
-        """Refuse a decoded recording that is too small for one fragment.
+        """Reject a decoded recording that is too small for one fragment.
 
         Raises:
             UserError: Saying what it takes, as far as that is known.

@@ -43,7 +43,7 @@ class PhotoSense(Sense):
         return is_builtin(self.features)
 
     def check_input(self, height: int, width: int) -> None:
-        """Refuse a photo that is too small for one fragment; see the base class."""
+        """Reject a photo that is too small for one fragment; see the base class."""
         least = max(self.min_size)
         if min(height, width) < least:
             if self.decoder.resize is not None:

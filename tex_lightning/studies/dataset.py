@@ -54,7 +54,7 @@ class Dataset:
         return cls(classes, known, held, store, tuple(damaged))
 
     def usable(self, senses: Iterable[Sense], *, skip_bad: bool) -> "Dataset":
-        """Leave out the recordings that give no fragment, too.
+        """Drop the recordings that give no fragment as well.
 
         Args:
             senses: Branches that look at them.

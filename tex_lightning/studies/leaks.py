@@ -1,4 +1,4 @@
-"""Record the training recordings in a checkpoint, and refuse to test on them."""
+"""Record the training recordings in a checkpoint, and raise an error when they are tested."""
 
 import json
 from collections import defaultdict
@@ -60,7 +60,7 @@ def digests(rows: Iterable[Recording]) -> list[str]:
 
 
 def refuse_leak(test: Recordings, card: Card, who: str, data: Folding) -> None:
-    """Refuse weights that were trained, or chosen, on test recordings.
+    """Reject weights that were trained, or chosen, on test recordings.
 
     Recordings are compared by content, so that neither another reader nor other folds hide one; two
     parts of one file are the same as far as they overlap.

@@ -41,7 +41,7 @@ from tex_lightning.perturbations.table import (
 from tex_lightning.report.stability_charts import StabilityRow
 from tex_lightning.studies.dataset import open_test_data, show_opening
 
-Labels = list[int | None]  # class index of each sample; None where the classifier refuses it
+Labels = list[int | None]  # class index of each sample; None for an unusable sample
 
 
 class PerturbedDataset:
@@ -111,7 +111,7 @@ class SystemFold:
     _perturbed: dict[tuple[str, Recording], Tensor] = field(default_factory=dict)
 
     def labels(self, perturbation: Perturbation | None = None, severity: float = 0) -> Labels:
-        """Label the samples, as they are or perturbed; None where one is refused."""
+        """Return the labels of the samples, clean or perturbed; None for an unusable one."""
         self._perturbed = {}
         return [self._label(sample, perturbation, severity) for sample in self.samples]
 
@@ -184,7 +184,7 @@ class PerturbedSystem:
 
 
 def run_trial(system: PerturbedSystem, perturbation: Perturbation, severity: float) -> StabilityRow:
-    """Test a system at one severity; a sample that is refused counts as wrong."""
+    """Test a system at one severity; an unusable sample counts as an error."""
     clean = system.clean
     labels = system.decide(perturbation, severity) if severity else clean
     count = len(labels)

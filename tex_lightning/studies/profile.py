@@ -207,7 +207,7 @@ def gemm_gflops(timings: dict[str, Timing]) -> float:
 
 
 def _gflops(macs: int, milliseconds: float) -> float:
-    """Return the GFLOP/s of multiply-accumulates, two operations each, in so many ms."""
+    """Return the GFLOP/s of multiply-accumulates, two operations each, in ``ms``."""
     return 2 * macs / milliseconds / 1e6
 
 

@@ -35,7 +35,7 @@ def interleaved(
     slice_s: float = 0.0,
     budget_s: float = float("inf"),
 ) -> dict[str, Timing]:
-    """Time functions interleaved: every round calls each of them, in the order given.
+    """Time functions interleaved: every round calls each of them in order.
 
     A function that hands work to an accelerator has to wait for it; see :func:`waiting`.
 

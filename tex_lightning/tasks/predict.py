@@ -88,7 +88,7 @@ def _found(modality: str, value: str) -> list[Path]:
 
 
 def _readable(path: Path, modality: str) -> bool:
-    """Return whether it is a file of that modality, of three with an axis each the first."""
+    """Return whether a path is a file of the modality, or the first of three axis files."""
     known = path.suffix.lower() in suffixes_of(modality) and not path.name.startswith(".")
     return known and is_file(path) and stands_for_all(path)
 

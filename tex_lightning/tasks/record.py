@@ -129,7 +129,7 @@ class Signal:
         return True
 
     def take(self, seconds: float) -> Chunk:
-        """Take out the first seconds as a recording (axes, samples), float32."""
+        """Remove the first seconds and return them as a recording (axes, samples), float32."""
         count = round(seconds * self.source.rate)
         whole = np.concatenate(self._pieces, axis=1)
         self._pieces = [whole[:, count:]]
@@ -137,7 +137,7 @@ class Signal:
         return whole[:, :count]
 
     def warnings(self, samples: Chunk) -> list[str]:
-        """Name the faults of a recording (axes, samples), a sentence each."""
+        """Return the faults of a recording (axes, samples), a sentence each."""
         what = name_one(self.modality)
         warnings = list(trace_quality(samples, {}, what, {}).warnings)
         if self.source.lost:

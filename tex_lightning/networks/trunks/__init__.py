@@ -25,5 +25,5 @@ def published(name: str) -> Trunk:
 
 
 def name_trunk(cls: type[Trunk]) -> str:
-    """Name of a class of trunks: its published name, or that of the class."""
+    """Return the name of a class of trunks: its published name, or that of the class."""
     return next((name for name, known in TRUNKS.items() if known is cls), cls.__name__)

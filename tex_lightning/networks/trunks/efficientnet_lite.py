@@ -169,12 +169,12 @@ class TextureFeatures(nn.Module):
         return averages
 
     def forward(self, pooled: Sequence[Tensor]) -> Tensor:
-        """Put what :meth:`pooled` gave for each layer side by side, standardised."""
+        """Concatenate the outputs of :meth:`pooled` for all layers, standardised."""
         features = torch.cat(list(pooled), dim=1)
         return (features - self.mean[:, None, None]) / self.scale[:, None, None]
 
     def standardise(self, features: Tensor) -> Tensor:
-        """Let features (rows, D) as they come have mean 0 and unit length from now on; return them.
+        """Fit mean and scale to features (rows, D), and return these standardised.
 
         Every feature counts alike, but for one that hardly varies, which would be all noise.
         """

@@ -34,7 +34,7 @@ def dft321(trace: Tensor) -> Tensor:
 
 
 def quick_length(samples: int) -> int:
-    """Length, up to that of a trace, for which :func:`dft321` is fast: a number of small factors.
+    """Return the largest length of small factors up to ``samples``, for a fast :func:`dft321`.
 
     From a few seconds one sample in 600 is left out, and one in 100 at most. With all samples the
     transform takes three to five times as long where their number has a large factor.

@@ -31,7 +31,7 @@ class ImageFeatures(nn.Module):
         self.register_buffer("shift", -self.mean / self.std, persistent=False)
 
     def forward(self, photos: Tensor) -> Tensor:
-        """Turn photos into network input of the same size."""
+        """Normalise photos to network input of the same size."""
         pixels = torch.div(photos, 255)  # a new tensor, so that the rest needs no more memory
         return pixels.sub_(self.mean).div_(self.std)
 
@@ -63,7 +63,7 @@ def rotated_photos(crops: Tensor, degrees: Tensor, patch: int) -> Tensor:
 
 
 def _together(crops: Tensor) -> int:
-    """Return how many are turned at once: one for each thread of a CPU and its cache."""
+    """Return the number of photos rotated together: one for each thread of a CPU and its cache."""
     return torch.get_num_threads() if crops.device.type == "cpu" else max(1, len(crops))
 
 

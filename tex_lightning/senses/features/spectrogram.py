@@ -85,7 +85,7 @@ FLOOR = 1e-3  # of the training set's mean magnitude; below it the logarithm is 
 
 
 def check_window(length: int, hop: int, sampling_rate: float) -> None:
-    """Refuse windows whose filters or frames would take up far more memory than the signal.
+    """Reject windows whose filters or frames would take up far more memory than the signal.
 
     Raises:
         UserError: If a window is too long, or as long as too many hops.
@@ -266,7 +266,7 @@ class SpectrogramFeatures(nn.Module):
         return torch.cat(parts).T.contiguous().sqrt_()
 
     def fit(self, magnitudes: Sequence[Tensor]) -> None:
-        """Learn level, mean and deviation from the training set's magnitudes (bands, frames)."""
+        """Fit level, mean and deviation to the training set's magnitudes (bands, frames)."""
         if self.normalisation == "paper":
             return
         # one recording after another: together they may be more than fits into memory
@@ -300,7 +300,7 @@ class SpectrogramFeatures(nn.Module):
         return (magnitudes - low) / torch.where(span > 0, span, torch.ones_like(span))
 
     def forward(self, trace: Tensor) -> Tensor:
-        """Turn a trace (axes, samples) into network input (1, 1, bands, frames)."""
+        """Convert a trace (axes, samples) to network input (1, 1, bands, frames)."""
         return self.normalise(self.magnitudes(trace))[None, None]
 
 
