@@ -54,11 +54,9 @@ def render(template: Path, context: Mapping[str, Any]) -> str:
     return environment.from_string(template.read_text(encoding="utf-8")).render(context)
 
 
-def to_json(value: object, indent: int | None = None) -> str:
+def to_json(value: object) -> str:
     """Return JSON in readable letters; those that no terminal should get are escaped."""
-    text = json.dumps(value, indent=indent, ensure_ascii=False)
-    lines = text.split("\n")  # of the indentation; those of names are escaped
-    return "\n".join("".join(map(_escaped, line)) for line in lines)
+    return "".join(map(_escaped, json.dumps(value, ensure_ascii=False)))
 
 
 def _escaped(letter: str) -> str:

@@ -87,10 +87,7 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     return {
         "fragment_accuracy": sum(outcome.correct_fragments for outcome in outcomes)
         / sum(outcome.fragments for outcome in outcomes),
-        "vote_accuracy": correct / len(outcomes),
-        "vote_ci95": wilson_interval(correct, len(outcomes)),
-        "correct": correct,
-        "test_samples": len(outcomes),
+        **counted(correct, len(outcomes)),
         "latency_ms": {
             "median": float(np.median(latencies)),
             "p95": float(np.percentile(latencies, 95)),

@@ -95,13 +95,9 @@ def example(sense: Sense, seed: int = 0) -> Tensor:
         return torch.randn(size, generator=generator)
     least = (SIDE, SIDE) if sense.geometry is None else sense.window_size
     scale = 2 if isinstance(decoder, PhotoDecoder) and decoder.half_scale else 1
-    height, width = scale * (least[0] + branch_step(sense)), scale * (least[1] + SIDE // 4) + 1
+    row = SIDE // 8 if sense.geometry is None else sense.stride  # to the second row of positions
+    height, width = scale * (least[0] + row), scale * (least[1] + SIDE // 4) + 1
     return torch.randint(256, (height, width, 3), generator=generator, dtype=torch.uint8)
-
-
-def branch_step(sense: Sense) -> int:
-    """Return the pixels to a second row of positions."""
-    return SIDE // 8 if sense.geometry is None else sense.stride
 
 
 def _samples(sense: Sense, rate: float) -> int:

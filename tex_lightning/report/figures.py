@@ -34,15 +34,9 @@ def save_figure(figure: Figure, path: Path) -> Path:
         UserError: If it cannot be written.
     """
     file = path.with_name(f"{path.name}.png")
-    write_figure(figure, file)
+    write_atomically(file, lambda partial: figure.savefig(partial, format="png"))
     figure.set_layout_engine("none")
     return file
-
-
-@styled
-def write_figure(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG; see :func:`save_figure`."""
-    write_atomically(path, lambda partial: figure.savefig(partial, format="png"))
 
 
 def make_grid(

@@ -60,17 +60,6 @@ def print_stability(results: dict[str, Any], directory: Path) -> None:
     print_tables(directory, table)
 
 
-def stability_figures(
-    trials: Sequence[StabilityRow], table: Mapping[str, Perturbation]
-) -> dict[str, Figure]:
-    """Return a figure for each perturbed modality, by title ``curves_MODALITY``."""
-    figures = {}
-    for modality in dict.fromkeys(trial.modality for trial in trials):
-        some = [trial for trial in trials if trial.modality == modality]
-        figures[f"curves_{modality}"] = curves(some, table, modality)
-    return figures
-
-
 @styled
 def curves(
     trials: Sequence[StabilityRow], table: Mapping[str, Perturbation], modality: str

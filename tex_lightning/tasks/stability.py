@@ -11,14 +11,10 @@ from tex_lightning.config.composition import Job
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import write_rows
 from tex_lightning.core.progress import Stage
-from tex_lightning.evaluation.outcomes import environment, write_results
+from tex_lightning.evaluation.outcomes import counted, environment, write_results
 from tex_lightning.perturbations.table import SEVERITIES, Perturbation
 from tex_lightning.report.figures import save_figure
-from tex_lightning.report.stability_charts import (
-    StabilityRow,
-    print_stability,
-    stability_figures,
-)
+from tex_lightning.report.stability_charts import StabilityRow, curves, print_stability
 from tex_lightning.studies.perturbed import (
     PerturbedSystem,
     choose_perturbations,
@@ -34,10 +30,10 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     chosen = choose_perturbations(systems, config.stability)
     trials = _run_trials(systems, chosen)
     write_rows(directory / "stability.csv", StabilityRow._fields, trials)
-    for title, figure in stability_figures(
-        trials, {perturbation.name: perturbation for perturbation in chosen}
-    ).items():
-        save_figure(figure, directory / "figures" / title)
+    table = {perturbation.name: perturbation for perturbation in chosen}
+    for modality in dict.fromkeys(trial.modality for trial in trials):
+        some = [trial for trial in trials if trial.modality == modality]
+        save_figure(curves(some, table, modality), directory / "figures" / f"curves_{modality}")
     results = {
         "task": config.task,
         "data": config.data.name,
@@ -79,12 +75,7 @@ def _entry(system: PerturbedSystem, trials: Sequence[StabilityRow]) -> dict[str,
     perturbed, clean = [trial for trial in rows if trial.severity > 0], rows[0]
     return {
         **entry,
-        "clean": {
-            "vote_accuracy": clean.vote_accuracy,
-            "vote_ci95": [clean.ci_low, clean.ci_high],
-            "correct": round(clean.vote_accuracy * clean.test_samples),
-            "test_samples": clean.test_samples,
-        },
+        "clean": counted(round(clean.vote_accuracy * clean.test_samples), clean.test_samples),
         "mean_error": fmean(1 - trial.vote_accuracy for trial in perturbed),
         "mean_flip_rate": fmean(trial.flip_rate for trial in perturbed),
     }
