@@ -57,11 +57,12 @@ def test_the_number_of_threads_does_not_matter():
 
 @pytest.mark.parametrize("seed", [0, 1, 2**32 - 1])
 def test_random_pairs_estimate_the_vote_of_all_pairs(seed):
-    model, count = classifier("fusion"), 4000
+    count = 4000
+    model = classifier("fusion", pairs=count)
     halves = [model.partial_logits("haptic", noise()), model.partial_logits("visual", photo())]
     every = (halves[0][:, :, None] + halves[1][:, None, :]).flatten(1)
     exact = torch.bincount(every.argmax(dim=0), minlength=4) / every.shape[1]
-    share = max_vote(model.fuse(halves, seed, count)).shares
+    share = max_vote(model.fuse(halves, seed)).shares
     spread = (exact * (1 - exact) / count).sqrt()
     assert ((share - exact).abs() <= 4.5 * spread + 1e-6).all()
 

@@ -298,18 +298,17 @@ class SurfaceClassifier(nn.Module):
             return features
         return self.fusion.project(self._index(name), features[None])[0]
 
-    def fuse(self, partials: Sequence[Tensor], seed: int, count: int | None = None) -> Tensor:
+    def fuse(self, partials: Sequence[Tensor], seed: int) -> Tensor:
         """Return the class scores (classes, fragments) of one sample.
 
         Args:
-            partials: Those of all senses, in order; of a single one they are the scores.
+            partials: Those of some senses, in order; of a single one they are the scores.
             seed: Seed of the tuples; see :func:`content_seed`.
-            count: Number of tuples; None takes the card's.
         """
-        if self.fusion is None:
+        if self.fusion is None or len(partials) == 1:
             return partials[0]
-        tuples_drawn: int = self.card.decision["pairs"] if count is None else count
-        tuples = random_tuples([partial.shape[-1] for partial in partials], tuples_drawn, seed)
+        positions = [partial.shape[-1] for partial in partials]
+        tuples = random_tuples(positions, self.card.decision["pairs"], seed)
         parts = [partial[None] for partial in partials]
         return self.fusion.fuse(parts, tuples.to(partials[0].device))[0]
 

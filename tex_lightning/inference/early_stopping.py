@@ -11,7 +11,6 @@ A single photo, and a trace of which the mean score decides, are taken whole.
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import reduce
 from math import inf
 from typing import Any
 
@@ -19,7 +18,7 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.classifier.vote import Vote, random_tuples
+from tex_lightning.classifier.vote import Vote
 from tex_lightning.config import DecisionConfig, EngineConfig
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import Costs, accelerate, count_macs
@@ -156,19 +155,10 @@ class SequentialClassifier(SurfaceClassifier):
             spent += costs[name]
             temperature = self.card.temperature if len(partials) == len(senses) else 1.0
             asked = [partials[name] for name in senses if name in partials]
-            vote = self.full.decide(self._sum(asked, seed), temperature)
+            vote = self.full.decide(self.full.fuse(asked, seed), temperature)
             if is_confident(vote.probability, self.threshold):
                 break
         return replace(vote, relative_macs=spent / sum(costs.values()))
-
-    def _sum(self, partials: list[Tensor], seed: int) -> Tensor:
-        """Return class scores of the tuples that the full vote draws, or of a single sense."""
-        if len(partials) == 1:
-            return partials[0]
-        counts = [partial.shape[1] for partial in partials]
-        tuples = random_tuples(counts, self.card.decision["pairs"], seed).to(self.device)
-        drawn = [partial[:, tuples[:, place]] for place, partial in enumerate(partials)]
-        return reduce(torch.add, drawn)
 
     def _cost(self, sense: Sense, recording: Tensor) -> int:
         """Count the multiply-accumulates of one sense, of a recording that is large enough.
