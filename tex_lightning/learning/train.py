@@ -22,7 +22,6 @@ from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, ModelConfig
 from tex_lightning.core.devices import pick_device
-from tex_lightning.core.files import write_bytes
 from tex_lightning.core.progress import hidden
 from tex_lightning.data.banks import Bank, Indices
 from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatches
@@ -239,36 +238,29 @@ def _complete(
     module.hparams["card"] = classifier.cpu().card.to_dict()
 
 
-def train_once(
-    config: Config,
-    card: Card,
-    parts: Split,
-    store: Store,
-    directory: Path,
-    unimodal: Mapping[str, SurfaceClassifier],
-    loggers: Sequence[Logger],
-    folder: Path,
-) -> SurfaceClassifier:
-    """Train in a folder of the family unless it was trained there, and copy the checkpoint.
+def shared_folder(
+    config: Config, card: Card, unimodal: Mapping[str, SurfaceClassifier], folder: Path
+) -> Path:
+    """Return the folder of a network that systems of a family share, so that one run trains it.
 
     Weights depend on the seed, the card (with the recordings they see), the recipe and the start,
-    so these name the place; those of a FusionNet on its parts, too. Arguments are those of
-    :func:`train_network`, and the folder of the family.
+    so these name the folder; those of a FusionNet on its parts, too.
+
+    Args:
+        config: How the networks of the model are trained.
+        card: Card of the network.
+        unimodal: By sense the networks that FusionNet starts from; empty for the others.
+        folder: Holds the networks of the family.
     """
-    final = checkpoint_of(directory, card.kind)
-    if not final.is_file():
-        recipe = {
-            "card": card.to_dict(),
-            "fit": config.model.fit_values(card.kind),
-            "seed": config.seed,
-            "weights": config.sources.get(card.kind),
-            "trainer": config.trainer.flags,
-        }
-        if unimodal:
-            recipe["model"] = asdict(config.model)
-            recipe["starts"] = [start.card.to_dict() for start in unimodal.values()]
-        digest = hashlib.sha256(json.dumps(recipe, sort_keys=True).encode()).hexdigest()[:16]
-        home = folder / f"{card.kind}-{digest}"
-        train_network(config, card, parts, store, home, unimodal, loggers)
-        write_bytes(final, checkpoint_of(home, card.kind).read_bytes())
-    return SurfaceClassifier.from_checkpoint(final)
+    recipe = {
+        "card": card.to_dict(),
+        "fit": config.model.fit_values(card.kind),
+        "seed": config.seed,
+        "weights": config.sources.get(card.kind),
+        "trainer": config.trainer.flags,
+    }
+    if unimodal:
+        recipe["model"] = asdict(config.model)
+        recipe["starts"] = [start.card.to_dict() for start in unimodal.values()]
+    digest = hashlib.sha256(json.dumps(recipe, sort_keys=True).encode()).hexdigest()[:16]
+    return folder / f"{card.kind}-{digest}"

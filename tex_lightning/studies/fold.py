@@ -19,7 +19,7 @@ from tex_lightning.config.model import FUSION
 from tex_lightning.core.console import log_once
 from tex_lightning.core.contract import calling
 from tex_lightning.core.devices import pick_device
-from tex_lightning.core.files import read_record
+from tex_lightning.core.files import read_record, write_bytes
 from tex_lightning.core.progress import track
 from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.data.folds import Split, make_samples, split
@@ -31,7 +31,7 @@ from tex_lightning.evaluation.calibration import calibrated_card
 from tex_lightning.evaluation.outcomes import RANDOM, write_results
 from tex_lightning.inference.prediction import name_conflict
 from tex_lightning.learning.start import starting_classifier
-from tex_lightning.learning.train import checkpoint_of, train_network, train_once
+from tex_lightning.learning.train import checkpoint_of, shared_folder, train_network
 from tex_lightning.learning.trainer import log_test, open_loggers
 from tex_lightning.learning.trial import try_baseline, try_custom_parts, try_training
 from tex_lightning.studies.dataset import Dataset, open_dataset, show_opening
@@ -201,10 +201,12 @@ def fit_fold(
         inputs = config, card, parts, store, directory, starts, loggers
         if card.baseline:
             classifier = fit_baseline(*inputs[:5])
-        elif networks_in is not None:
-            classifier = train_once(*inputs, networks_in)
-        else:
+        elif networks_in is None:
             classifier = train_network(*inputs)
+        else:
+            home, kind = shared_folder(config, card, starts, networks_in), card.kind
+            classifier = train_network(config, card, parts, store, home, starts, loggers)
+            write_bytes(checkpoint_of(directory, kind), checkpoint_of(home, kind).read_bytes())
         if not whole:
             unimodal[name] = classifier
         networks[name] = {"fit_seconds": classifier.card.training.get("fit_seconds")}
