@@ -1,4 +1,4 @@
-"""The chart of accuracy against latency, of a report's table: ``python docs/draw_frontier.py``."""
+"""The chart of accuracy and latency, of a report's table: ``python docs/draw_frontier.py``."""
 
 import re
 from pathlib import Path
@@ -8,18 +8,18 @@ from matplotlib.figure import Figure
 DOCS = Path(__file__).parent
 REPORT = DOCS / "reports" / "2026-11-23-frontier.md"
 OUT = DOCS / "frontier.png"
-GREY = "#8a8a8a"
-# System of the table: its name in the chart, colour, and offset of the name in points.
+GREY = "#6b6b6b"
+# System of the table: its name in the chart, and its colour.
 LABELS = {
-    "bands": ("band proportions", "#c4500c", (8, 9, "right")),
-    "hapticnet_w0.0625": ("HapticNet, width 0.0625", GREY, (8, -4, "left")),
-    "hapticnet_w0.125": ("HapticNet, width 0.125", GREY, (8, -4, "left")),
-    "hapticnet_w0.25": ("width 0.25", GREY, (0, -28, "center")),
-    "hapticnet_w0.5": ("HapticNet, default", "#1f6fb2", (0, 9, "center")),
-    "mfcc_gmm": ("MFCC + GMM", GREY, (8, -14, "left")),
-    "mfcc_nb": ("MFCC + naive Bayes", GREY, (-8, -4, "right")),
-    "minirocket_1000": ("MiniRocket, 1000 kernels", GREY, (8, -4, "left")),
-    "minirocket": ("MiniRocket", "#5b3a8e", (0, 13, "center")),
+    "bands": ("band proportions", "#c4500c"),
+    "hapticnet_w0.0625": ("HapticNet, width 0.0625", GREY),
+    "hapticnet_w0.125": ("HapticNet, width 0.125", GREY),
+    "hapticnet_w0.25": ("HapticNet, width 0.25", GREY),
+    "hapticnet_w0.5": ("HapticNet, default", "#1f6fb2"),
+    "mfcc_gmm": ("MFCC + GMM", GREY),
+    "mfcc_nb": ("MFCC + naive Bayes", GREY),
+    "minirocket_1000": ("MiniRocket, 1000 kernels", GREY),
+    "minirocket": ("MiniRocket", "#5b3a8e"),
 }
 
 
@@ -34,30 +34,35 @@ def rows() -> list[tuple[str, float, float, float, float]]:
 
 
 def draw() -> Figure:
-    """Return the chart: the three systems to compare in colour, the others in grey."""
-    figure = Figure(figsize=(9, 4.6), layout="constrained", dpi=140)
-    axes = figure.add_subplot()
-    for name, accuracy, low, high, ms in rows():
-        label, colour, (right, up, side) = LABELS[name]
-        axes.errorbar(
-            ms, accuracy, [[accuracy - low], [max(0, high - accuracy)]], color=colour, capsize=2,
-            marker="o", markersize=8 if colour != GREY else 5, linewidth=1.2,
-        )  # fmt: skip
-        axes.annotate(
-            label, (ms, accuracy), (right, up), textcoords="offset points", ha=side, color=colour,
-            fontsize=11 if colour != GREY else 9, fontweight="bold" if colour != GREY else "normal",
-        )  # fmt: skip
-    axes.set_xscale("log")
-    axes.set_xticks([4, 6, 10, 20, 40, 80], ["4", "6", "10", "20", "40", "80"])
-    axes.minorticks_off()
-    axes.set_xlim(2.6, 130)
-    axes.set_ylim(60, 104)
-    axes.set_yticks(range(60, 101, 10))
-    axes.set_xlabel("milliseconds for one trace of 4.8 s, features included (one thread)")
-    axes.set_ylabel("recording accuracy, % (95 % interval)")
-    axes.set_title("160 strokes (sound) of 16 surfaces: upper left is better", loc="left")
-    axes.grid(alpha=0.25)
-    axes.spines[["top", "right"]].set_visible(False)
+    """Return the chart: a row for each system, its accuracy on the left and its time on the right.
+
+    The most accurate system is on top, and among equals the fastest.
+    """
+    figure = Figure(figsize=(8, 3.9), layout="constrained", dpi=140)
+    left, right = figure.subplots(1, 2, sharey=True)
+    systems = sorted(rows(), key=lambda row: (-row[1], row[4]))
+    for place, (name, accuracy, low, high, ms) in enumerate(systems):
+        colour = LABELS[name][1]
+        spread = [[accuracy - low], [max(0, high - accuracy)]]
+        left.errorbar(accuracy, place, xerr=spread, color=colour, marker="o", capsize=3)
+        left.text(102, place, f"{accuracy:.1f}", va="center", color=colour)
+        right.barh(place, ms, height=0.55, color=colour)
+        right.text(ms + 1.5, place, f"{ms:.1f}", va="center", color=colour)
+    left.set_yticks(range(len(systems)), [LABELS[name][0] for name, *_ in systems])
+    for label, (name, *_) in zip(left.get_yticklabels(), systems, strict=True):
+        label.set_color(LABELS[name][1])
+    left.invert_yaxis()
+    left.set_xlim(60, 109)
+    left.set_xticks(range(60, 101, 10))
+    left.set_title("recording accuracy, %, with 95 % interval", fontsize=10, loc="left")
+    right.set_xlim(0, 95)
+    right.set_title("ms for one stroke of 4.8 s, one thread", fontsize=10, loc="left")
+    for axes in (left, right):
+        axes.grid(axis="x", alpha=0.25)
+        axes.set_axisbelow(True)
+        axes.tick_params(axis="y", length=0)
+        axes.spines[["top", "right", "left"]].set_visible(False)
+    figure.suptitle("160 strokes (sound) of 16 surfaces", fontsize=12)
     return figure
 
 
