@@ -66,7 +66,7 @@ def test_the_label_follows_the_surface_and_a_pause_is_warned_of(bands):
 
 def test_what_prevents_a_vote_is_said_in_the_end():
     stream = make_stream()
-    with pytest.raises(UserError, match="ended too soon"):
+    with pytest.raises(UserError, match="ended before the first fragment"):
         stream.check()
 
     def refuse(*_):

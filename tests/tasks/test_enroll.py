@@ -67,7 +67,7 @@ def test_what_was_added_is_not_tested_on(three, surfaces, cli, tmp_path):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        (["data=folder", "data.root={surfaces}"], "knows alpha, beta, gamma already; give"),
+        (["data=folder", "data.root={surfaces}"], "already has alpha, beta, gamma; give"),
         (
             ["data=folder", "data.root={new}", "checkpoint={untrained}/checkpoints/haptic.ckpt"],
             "keeps no statistics of its features",

@@ -72,7 +72,7 @@ def run_composed(function: Callable[[DictConfig], Any], overrides: Sequence[str]
         config = compose(NAME, overrides=with_own_senses(overrides), return_hydra_config=True)
         if config.hydra.mode == RunMode.MULTIRUN:
             raise UserError(
-                "These overrides ask for a sweep; run it by python -m tex_lightning, or call this "
+                "These overrides are a sweep; run it by python -m tex_lightning, or call this "
                 "once for each job."
             )
         context = HydraContext(GlobalHydra.instance().config_loader(), Callbacks(config))

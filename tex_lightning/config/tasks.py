@@ -48,7 +48,7 @@ class TrainerConfig:
     accelerator: str = key("kind of device", choices=("auto", "cpu", "gpu", "cuda", "mps"))
     devices: Any = key("devices of each machine that train together, or auto", "[1, 64]")
     num_nodes: int = key("machines that srun or torchrun starts together", "[1, 1024]")
-    strategy: Any = key("how devices train together: a name that Lightning knows, or a _target_")
+    strategy: Any = key("how devices train together: a strategy name of Lightning, or a _target_")
     precision: str = key("of training", choices=("32-true", "16-mixed", "bf16-mixed", "64-true"))
     tf32: bool = key("on NVIDIA GPUs, round the factors of fp32 products to 10 bits: faster")
     threads: int | None = key(

@@ -119,7 +119,7 @@ def _own_rate(data: DataConfig, model: ModelConfig) -> float:
     if not MIN_RATE <= rate < PAPERS_RATE:
         return PAPERS_RATE
     log.info(
-        "Traces keep their own rate, %s Hz (%s=%g brings them to the paper's).",
+        "Traces keep their own rate, %s Hz (%s=%g resamples them to that of the paper).",
         f"{rate:,.6g}", RATE, PAPERS_RATE,
     )  # fmt: skip
     return max(rate, 20.0)  # of a clock that is not exact

@@ -264,7 +264,7 @@ def _front(sense: Sense) -> nn.Module:
         )
     if decoder.resize is not None:
         raise UserError(
-            f"This network looks at photos that were brought to {decoder.resize} pixels, which an "
+            f"This network reads photos that were resized to {decoder.resize} pixels, which an "
             "exported file cannot do exactly; train with data.resize=null."
         )
     least = max(sense.min_size) if sense.knows_min_size else 1

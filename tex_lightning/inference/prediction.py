@@ -146,7 +146,7 @@ def warn_of_few(card: Card) -> None:
     count = len(card.known_novelties)
     if card.unknown_above is not None and least_rate(count) > card.unknown:
         log.warning(
-            "decision.unknown=%g: %d known recordings promise no rate below %.3f; what is more "
+            "decision.unknown=%g: %d known recordings guarantee no rate below %.3f; what is more "
             "unlike the training than all of them is called unknown.",
             card.unknown, count, least_rate(count),
         )  # fmt: skip

@@ -115,7 +115,7 @@ class LiveStream:
             }
         # why there was no vote yet
         self.failure: UserError | None = UserError(
-            "The stream ended too soon for a vote; send more signal."
+            "The stream ended before the first fragment; send more signal."
         )
 
     @property

@@ -144,7 +144,7 @@ def _check_extensible(classifier: SurfaceClassifier) -> ScoreLayer | nn.Linear:
     """
     if set(classifier.statistics) != {*classifier.card.sense_names}:
         raise UserError(
-            "The checkpoint keeps no statistics of its features, which stand for its old "
+            "The checkpoint keeps no statistics of its features, which represent its old "
             "recordings; train it anew with task=fit."
         )
     if classifier.fusion is None:

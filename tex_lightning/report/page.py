@@ -137,7 +137,7 @@ def comparison_tables(systems: Sequence[System]) -> list[Table]:
         Table(
             "By condition",
             condition_rows({label: entry for label, entry in by_condition.items() if entry}),
-            "A row that says unseen was trained without the conditions that it tested.",
+            "A row marked unseen was trained without the conditions that it tested.",
         )
     )
     return [table for table in tables if table.rows]

@@ -49,7 +49,7 @@ def print_stability(results: dict[str, Any], directory: Path) -> None:
     table = make_table(f"stability · {results['data']}", ["system"], figures)
     for name, entry in results["systems"].items():
         if "clean" not in entry:
-            table.add_row(name, "meets none")
+            table.add_row(name, "none applies")
             continue
         table.add_row(
             name,

@@ -249,7 +249,9 @@ def choose_perturbations(
     ]
     if not chosen:
         names = ", ".join(perturbation.name for perturbation in asked)
-        raise UserError(f"No system meets {names}; choose other stability.only or systems.")
+        raise UserError(
+            f"No system uses the modality of {names}; change stability.only or systems."
+        )
     for perturbation in chosen:
         if perturbation.is_users:
             fold = next(system for system in systems if system.meets(perturbation)).folds[0]

@@ -75,7 +75,7 @@ def open_new_classes(data: DataConfig, classifier: SurfaceClassifier) -> Dataset
     names = [name for name in table.classes if name not in card.classes]
     if not names:
         raise UserError(
-            f"The checkpoint knows {listed(table.classes)} already; give recordings of a new class."
+            f"The checkpoint already has {listed(table.classes)}; give recordings of a new class."
         )
     by = replace(data, test_fold=data.folds) if data.test_fold is None else data  # which none has
     rows = split(table.in_classes(names), by).train
@@ -87,7 +87,7 @@ def open_new_classes(data: DataConfig, classifier: SurfaceClassifier) -> Dataset
         if absent := [name for name in names if name not in learnt]:
             raise UserError(
                 f"There are no {plural(modality)} of {listed(absent)} to learn from, and this "
-                f"{card.kind} network looks at {' and '.join(card.modalities)}; record them, or "
+                f"{card.kind} network uses {' and '.join(card.modalities)}; record them, or "
                 "leave the class out."
             )
     return dataset

@@ -89,14 +89,14 @@ def _write_onnx(
     write_atomically(file, lambda partial: write_onnx(content, partial))
     say(
         f"{file}: {file.stat().st_size / 1e6:.1f} MB; {agreement['same_labels']} of "
-        f"{agreement['recordings']} labels as of the checkpoint, scores within "
+        f"{agreement['recordings']} labels equal those of the checkpoint, scores within "
         f"{agreement['score_difference']:.1g} of their range."
     )
     if page:
         for name, part in page.items():
             write_bytes(file.parent / name, part)
         say(
-            f"Look at {file.parent} with python -m http.server --bind 127.0.0.1 -d {file.parent}",
+            f"Serve {file.parent} with python -m http.server --bind 127.0.0.1 -d {file.parent}",
             wraps=False,
         )
     return agreement

@@ -49,7 +49,7 @@ def run(config: Config, job: Job) -> None:
             photos[name] = str(file)
     if not rates:
         raise UserError(
-            "A stream takes a signal as it goes on, and photos beside it; give a signal too, or "
+            "A stream needs a signal, and photos only beside it; give a signal too, or "
             "use task=predict."
         )
     stream = predictor.stream(*rates, rate=rates, **photos)

@@ -65,7 +65,7 @@ export class SenseFigures {
     drawPhoto(this.find("canvas"), shown, map && { ...map, stride, opacity });
     this.find(".opacity").hidden = map === null;
     const size = `${this.#recording.width} x ${this.#recording.height} pixels`;
-    const classes = map ? " Colours: the class of every position by this sense alone." : "";
+    const classes = map ? " Colours: the class of every position by this modality alone." : "";
     this.#describe(".map", `Photo, ${size}.${classes}`, map);
   }
 
@@ -87,7 +87,7 @@ export class SenseFigures {
       ...map, data: input.data, bands, frames, seconds, start: begin ?? 0,
       hop: this.sense.hop_seconds, frequencies: this.sense.frequencies, stride: this.sense.stride,
     }); // prettier-ignore
-    const text = `Spectrogram as the network reads it, ${bands} bands, and the class of every position by this sense alone.`;
+    const text = `Spectrogram as the network reads it, ${bands} bands, and the class of every position by this modality alone.`;
     this.#describe(".heat", text, map);
   }
 

@@ -34,7 +34,7 @@ class Page {
     this.ready = this.engine.load(url(name), url("onnxruntime/ort-wasm-simd-threaded.wasm"));
     const { classes, senses } = this.card;
     const whats = [...new Set(senses.map((sense) => `a ${sense.what}`))].join(" and ");
-    const about = `Tells ${classes.length} surface materials apart by ${whats}.`;
+    const about = `Classifies ${classes.length} surface materials from ${whats}.`;
     element("about").textContent = `${about} Loading the network …`;
     await this.ready;
     element("about").textContent = about;
@@ -151,7 +151,7 @@ class Page {
 function sentence(result, percent) {
   const share = `${percent(result.confidence)} of the votes, mean probability ${percent(result.probability)}`;
   if (result.label === "unknown") {
-    return `It is unlike every surface of the training; of those, ${result.best} is nearest (${share}).`;
+    return `Unlike every class of the training; the closest is ${result.best} (${share}).`;
   }
   return `${share}.`;
 }
