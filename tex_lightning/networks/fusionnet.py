@@ -34,7 +34,6 @@ class FusionLayer(nn.Module):
 
     def __init__(self, *networks: nn.Module, classes: int, level: Level = "fc2") -> None:
         super().__init__()
-        self.level: Level = level
         self.classes = classes
         layers = [score_layer_of(network) for network in networks]
         self.levels: list[Level] = ["fc3" if layer is None else level for layer in layers]

@@ -113,12 +113,7 @@ def print_results(results: dict[str, Any], directory: Path) -> None:
     table = make_table(title, [""], list(shown))
     for fact in {fact: None for network in shown.values() for fact in network}:
         table.add_row(fact, *(network.get(fact, "") for network in shown.values()))
-    tables, by_condition = [table], condition_rows(results["networks"])
-    if by_condition and results["data"] == "manifest":
-        tables.append(make_table("accuracy by condition", ["", ""], list(results["networks"])))
-        for row in by_condition:
-            tables[-1].add_row(*row.values())
-    print_tables(directory, *tables)
+    print_tables(directory, table)
 
 
 def condition_rows(networks: Mapping[str, Network]) -> list[dict[str, str]]:

@@ -22,8 +22,6 @@ from tex_lightning.config import Config, StabilityConfig
 from tex_lightning.config.keys import choice
 from tex_lightning.config.model import FUSION, kind_of
 from tex_lightning.core.devices import pick_device
-from tex_lightning.core.files import read_record
-from tex_lightning.core.run_folder import SETTINGS
 from tex_lightning.data.decode import Decoder
 from tex_lightning.data.folds import Sample, make_samples
 from tex_lightning.data.recordings import Recording, write_part
@@ -39,6 +37,7 @@ from tex_lightning.perturbations.table import (
     read_severities,
 )
 from tex_lightning.report.stability_charts import StabilityRow
+from tex_lightning.report.table import run_settings
 from tex_lightning.studies.dataset import open_test_data, show_opening
 
 Labels = list[int | None]  # class index of each sample; None for an unusable sample
@@ -304,10 +303,8 @@ def _load(config: Config, path: Path, fold: int | None, datasets: Datasets) -> S
 
 def _title(path: Path, kind: str, classifier: SurfaceClassifier) -> str:
     """Return the model of a run, or the kind of a network beside it or of a bare file."""
-    note = path / SETTINGS
-    if path.is_dir() and note.is_file():
-        settings = read_record(note)
-        senses = settings.get("model.senses")
-        if senses and kind_of(senses) == kind:
-            return str(settings["model.name"])
+    settings = run_settings(path)
+    senses = settings.get("model.senses")
+    if senses and kind_of(senses) == kind:
+        return str(settings["model.name"])
     return str(classifier.card.baseline.get("name", classifier.card.kind))
