@@ -36,7 +36,7 @@ def learn_filters(
         traces: (samples,) each, at least ``length`` long.
         length: Length of a patch in samples.
         units: Hidden units.
-        patches: How many patches are drawn, of all traces alike.
+        patches: Number of patches that are drawn, the same from every trace.
         sparsity: Mean activation to aim at, between 0 and 1.
     """
     data = draw_patches(traces, length, patches)

@@ -64,7 +64,7 @@ def load_estimator(stored: Tensor, more: Sequence[str] = ()) -> Any:  # noqa: AN
     """Read an estimator back.
 
     Args:
-        stored: What :func:`dump_estimator` gave.
+        stored: Result of :func:`dump_estimator`.
         more: Classes, beside :data:`ESTIMATORS`, that it may consist of, as ``module.Name``.
 
     Raises:
@@ -114,7 +114,7 @@ class Baseline(ABC):
     configured rate, photos as (height, width, 3) uint8 RGB.
 
     Attributes:
-        kind: What it reads: ``haptic`` any signals, ``visual`` any photos.
+        kind: Kind of recordings: ``haptic`` for any signals, ``visual`` for any photos.
         min_side: Smallest side in pixels of a photo it can classify; of no meaning for traces.
         sampling_rate: Sampling rate of the traces in Hz; set by the classifier.
         budgeted: Smallest value of each setting that ``debug=tiny`` makes smaller.

@@ -40,7 +40,7 @@ class FisherVectors(Baseline):
     :meth:`load_weights`; without them they are drawn at random when it is fitted.
 
     Attributes:
-        trunk: Its name among the trunks of VisualNet.
+        trunk: Name among the trunks of VisualNet.
         max_side: Photos of more than its square in pixels are made smaller, to bound time and
             memory.
         scales: Exponents of two of the factors on the photo's sides. A scale is left out where a

@@ -39,7 +39,7 @@ class Cepstra:
         window_seconds: Length of a frame.
         hop_seconds: From the start of a frame to that of the next.
         highest_hz: Upper end of the last filter; the first begins at 0 Hz.
-        filters: How many.
+        filters: Number of filters.
         spacing: Spacing of the filters, mel or decreasing; see :func:`filter_edges`.
         first: First coefficient kept, counted from 1, which is the level.
         last: Last coefficient kept.

@@ -232,7 +232,7 @@ def reading(path: Path) -> Iterator[None]:
 
     Raises:
         UserError: If a value of it cannot be used, or it is damaged in any way.
-        Exception: What a user's own class has raised.
+        Exception: Any exception of a custom class.
     """
     try:
         yield

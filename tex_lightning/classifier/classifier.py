@@ -51,7 +51,7 @@ class SurfaceClassifier(nn.Module):
     One sense decides by its own class scores; those of several senses add up (FusionNet).
 
     Args:
-        card: What it consists of.
+        card: Card of the classifier.
         senses: Senses of the card that are made already; None makes them, with random weights.
 
     Attributes:
@@ -121,10 +121,10 @@ class SurfaceClassifier(nn.Module):
 
         Args:
             path: The file, for messages.
-            stored: What :func:`~tex_lightning.classifier.card.read_checkpoint` gave.
+            stored: Result of :func:`~tex_lightning.classifier.card.read_checkpoint`.
 
         Raises:
-            UserError: As :meth:`from_checkpoint`.
+            UserError: If :meth:`from_checkpoint` fails.
         """
         with reading(path):
             card = Card.from_dict(stored["hyper_parameters"]["card"])
@@ -302,7 +302,7 @@ class SurfaceClassifier(nn.Module):
         """Return the class scores (classes, fragments) of one sample.
 
         Args:
-            partials: Those of some senses, in order; of a single one they are the scores.
+            partials: Partial logits by sense, in order; those of a single sense are the scores.
             seed: Seed of the tuples; see :func:`content_seed`.
         """
         if self.fusion is None or len(partials) == 1:

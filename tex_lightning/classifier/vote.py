@@ -25,7 +25,7 @@ class Vote:
         probabilities: (classes,) float64, mean class probabilities of the fragments, or those of
             their mean score, as the rule says; they sum to 1.
         relative_macs: Arithmetic that was done, as a share of what all fragments take.
-        novelty: How unlike every class of the training the sample is, from 0; None if not known.
+        novelty: Novelty of the sample, from 0; None if not known.
     """
 
     label: int
@@ -116,7 +116,7 @@ def random_tuples(positions: Sequence[int], count: int, seed: int) -> Tensor:
     The generator lives on the CPU whatever the device, so every device votes over the same tuples.
 
     Args:
-        positions: How many there are of each sense: L of a trace, M * N of a photo.
+        positions: Number of positions of each sense: L of a trace, M * N of a photo.
         count: K of the paper, 1000 there.
         seed: Seed of this sample; the caller derives it from the sample's content.
 

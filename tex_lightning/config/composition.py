@@ -58,7 +58,7 @@ def run_composed(function: Callable[[DictConfig], Any], overrides: Sequence[str]
 
     Raises:
         UserError: If the overrides ask for a sweep.
-        Exception: What the function raises, or Hydra of a wrong override.
+        Exception: Any exception of the function, or of Hydra for a wrong override.
     """
     raised: list[Exception] = []
 
@@ -106,7 +106,7 @@ class Job:
     """One run of one task, in plain values.
 
     Attributes:
-        overrides: What was given, without Hydra's own keys, such as ``model=haptic``.
+        overrides: Overrides such as ``model=haptic``, without Hydra's keys.
         directory: The run folder, an absolute path.
         origin: Whether a command line runs it, a sweep with others, or a program in Python.
         named: Whether the run folder was given, not made up.

@@ -61,7 +61,7 @@ def build_derived(where: str, node: Mapping[str, Any], base: type, **offered: An
     """Build an object whose class has to derive from ``base``.
 
     Raises:
-        UserError: As :func:`build`, and if it does not.
+        UserError: If :func:`build` fails, or the class does not derive from ``base``.
     """
     part = build(where, node, **offered)
     if not isinstance(part, base):

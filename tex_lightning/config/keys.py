@@ -69,7 +69,7 @@ def key(
     Args:
         meaning: See :class:`Key`.
         range: See there.
-        default: Its value until a configuration file gives one.
+        default: Value of the key unless a configuration file sets one.
         factory: Makes a mutable default instead.
         **more: Further attributes of :class:`Key`.
     """

@@ -45,8 +45,8 @@ def unknown_key(key: str, config: DictConfig) -> UserError:
     """Return the error for a key that there is not.
 
     Args:
-        key: Its dotted name.
-        config: As composed without it.
+        key: Dotted name of the key.
+        config: Configuration composed without the key.
     """
     near = " or ".join(_near_keys(key, config))
     return UserError(

@@ -38,9 +38,9 @@ def calling(key: str, kind: str, part: object) -> Iterator[None]:
     """Add the key and the contract of a class to its exceptions, shown before the traceback.
 
     Args:
-        key: Its key in the configuration.
+        key: Key of the class in the configuration.
         kind: One of :data:`CONTRACTS`.
-        part: What is called.
+        part: Part that is called.
     """
     try:
         yield
@@ -58,7 +58,7 @@ def making(key: str, target: str) -> Iterator[None]:
     What a user's class raises keeps its traceback.
 
     Args:
-        key: Its key in the configuration.
+        key: Key of the class in the configuration.
         target: Dotted path of the class.
 
     Raises:
@@ -90,7 +90,7 @@ def resolve(key: str, target: str) -> Any:  # noqa: ANN401
     """Return what a dotted path names; what its module raises keeps its traceback.
 
     Args:
-        key: What named it.
+        key: Key that names the class.
         target: The path.
 
     Raises:
@@ -135,10 +135,10 @@ def breach(key: str, kind: str, part: object, why: str) -> UserError:
     """Return the error for a class that does not keep its contract.
 
     Args:
-        key: Its key in the configuration.
+        key: Key of the class in the configuration.
         kind: One of :data:`CONTRACTS`.
-        part: What is at fault.
-        why: What it did, such as "returned a list".
+        part: Part that is at fault.
+        why: Violation, such as "returned a list".
     """
     return UserError(f"{key} ({_name(part)}) {why}; {CONTRACTS[kind]}.")
 

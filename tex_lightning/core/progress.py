@@ -26,9 +26,9 @@ class Stage:
     """A level of the work, inside those that have not ended; a ``with`` block ends it.
 
     Args:
-        title: What is counted, such as ``fold``, or the name of the one that is being done.
-        total: How many there are; None if nobody knows.
-        done: How many an earlier run has done.
+        title: Unit that is counted, such as ``fold``, or the name of the current one.
+        total: Total number; None if unknown.
+        done: Number that an earlier run has finished.
     """
 
     levels: ClassVar[list["Stage"]] = []

@@ -70,9 +70,9 @@ def claim_folder(composed: DictConfig, values: dict[str, Any], job: "Job") -> No
     and ``.hydra`` is written here.
 
     Args:
-        composed: As Hydra composed it.
+        composed: Configuration as Hydra composed it.
         values: Dotted keys and values of the configuration.
-        job: Has the run folder and the overrides.
+        job: Job with the run folder and the overrides.
 
     Raises:
         UserError: If another run lives there; nothing of it is changed.

@@ -29,7 +29,7 @@ class InputBank:
     Args:
         inputs: Inputs of all recordings in their first version, then in their second, and so on.
         frames: Length of the sub-samples.
-        versions: How many there are of every recording; which one is cut is drawn.
+        versions: Number of versions of every recording; one is drawn for each cut.
     """
 
     def __init__(self, inputs: Iterable[Tensor], frames: int, versions: int = 1) -> None:
@@ -81,7 +81,7 @@ class PhotoBank:
         store: Decoded files.
         side: Side of a crop in pixels.
         rotation: Largest angle in degrees that a crop is to be turned by.
-        augmentation: What becomes of a crop after it is cut; None leaves it.
+        augmentation: Transform of a crop after it is cut; None leaves it.
     """
 
     recordings: Sequence[Recording]

@@ -115,7 +115,7 @@ class PhotoDecoder:
 
         Args:
             path: An image file.
-            rate: Of no meaning for a photo.
+            rate: Ignored for a photo.
 
         Returns:
             uint8 array of shape (height, width, 3); no rate.
@@ -252,8 +252,8 @@ def check_samples(trace: npt.NDArray[np.floating], name: str, place: int = 0) ->
 
     Args:
         trace: The samples, from number ``place`` of a longer recording on.
-        name: What they are called.
-        place: How many were before them.
+        name: Name of the samples in messages.
+        place: Number of samples before them.
 
     Raises:
         UserError: Beginning with ``name``.

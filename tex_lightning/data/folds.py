@@ -183,7 +183,7 @@ def next_of_each(rows: Sequence[Recording], count: int, fold: int, folds: int) -
 
     Args:
         rows: Recordings with folds.
-        count: How many of each class and sense are taken.
+        count: Number of recordings of each class and sense.
         fold: The fold after which they are taken.
         folds: Number of folds.
     """

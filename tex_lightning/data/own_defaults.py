@@ -41,10 +41,10 @@ def with_defaults(task: str, data: DataConfig, model: ModelConfig, job: Job) -> 
     """Return the job with the overrides that follow from the user's recordings.
 
     Args:
-        task: What the job does.
+        task: Task of the job.
         data: Where recordings come from.
-        model: What is trained.
-        job: What was asked for.
+        model: Model to train.
+        job: Job with the user's overrides.
 
     Raises:
         UserError: If the data set cannot be read.

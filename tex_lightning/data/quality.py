@@ -55,7 +55,7 @@ def trace_quality(
     Args:
         samples: (axes, samples) as they came: resampling would blur what is constant or clipped.
         ranges: Ranges of the training; what they lack is not compared.
-        what: What the signal is called.
+        what: Name of the signal in messages.
         measures: ``level`` and ``rate`` (:func:`trace_measures`) that are compared with them.
     """
     low, high = samples.min(axis=1), samples.max(axis=1)

@@ -88,7 +88,7 @@ def fingerprint(path: Path) -> str:
     """Return a digest of a recording's size and ends, which is the same for a copy.
 
     Args:
-        path: Its file, or that of any axis if they lie apart.
+        path: File of the recording, or of any axis if each has its own.
     """
     digest = hashlib.sha256()
     for file in axis_files(path):
@@ -109,7 +109,7 @@ class Store:
 
     Args:
         root: The cache folder; see :func:`cache_root`.
-        decoders: How files are decoded, by modality.
+        decoders: Decoders by modality.
     """
 
     def __init__(self, root: Path, decoders: Mapping[str, Decoder]) -> None:
@@ -141,12 +141,12 @@ class Store:
     def derived(
         self, recording: Recording, key: str, compute: Callable[[], npt.NDArray[Any]]
     ) -> npt.NDArray[Any]:
-        """Return what was computed of a recording before, by any run; else compute and keep it.
+        """Return a cached result for a recording, or compute and cache it.
 
         Args:
-            recording: Of which it is computed.
-            key: Digest of all else that it depends on.
-            compute: Computes it; called only if it is not there.
+            recording: Source of the result.
+            key: Digest of everything else that the result depends on.
+            compute: Function that computes the result; called only if it is not cached.
         """
         entry = self._entry(recording)
         path = entry.with_name(f"{entry.stem}-{key}.npy")

@@ -44,7 +44,7 @@ def one_standard_error(costs: Mapping[str, float], votes: Mapping[str, Votes]) -
     The accuracy of the choice on the votes that it was made on is optimistic.
 
     Args:
-        costs: What each system costs, in any unit; smaller is better.
+        costs: Cost of each system, in any unit; smaller is better.
         votes: Whether each vote of a system is correct; of samples that share a recording the
             share of correct ones.
 

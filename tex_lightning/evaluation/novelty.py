@@ -26,11 +26,11 @@ def report_unknown(
     """Classify samples of held-out classes as the test classified the others, and compare.
 
     Args:
-        classifier: As it decides.
+        classifier: Classifier with its decision rule.
         samples: Samples of the held-out classes.
         store: Their recordings.
         directory: The run folder.
-        known: What became of the others.
+        known: Outcomes of the other classes.
         fold: Fold that was tested.
 
     Returns:
@@ -55,7 +55,7 @@ def pool_unknown(
 
     Args:
         folds: By folder the network's entry of ``results.json``.
-        known: What became of the others in each fold.
+        known: Outcomes of the other classes by fold.
         name: Name of the network.
         directory: The run folder.
         rate: ``decision.unknown``.

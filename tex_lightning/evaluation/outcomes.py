@@ -39,17 +39,17 @@ class Outcome:
     """The outcome of one test sample.
 
     Attributes:
-        files: Its files by modality; in a CSV one column for each.
+        files: Files of the sample by modality; a column for each in the CSV.
         label: True class.
         predicted: Class that won the vote.
         share: Share of the fragments that voted for it.
         fragments: Number of fragments.
-        correct_fragments: Those that voted for the true class.
+        correct_fragments: Number of fragments that voted for the true class.
         latency_ms: Time from decoded recordings to the label.
         votes: Number of fragments for each class that has any, as JSON.
         relative_macs: Arithmetic done, as a share of what all fragments take.
         probabilities: Mean class probabilities of the fragments, as JSON.
-        novelty: How unlike the training the sample is, from 0; NaN if not known.
+        novelty: Novelty of the sample, from 0; NaN if not known.
         group: Group of its recordings; several of different groups in one string.
         fold: Fold that was tested; empty where all recordings or some conditions were.
     """
@@ -197,8 +197,8 @@ def by_condition(samples: Sequence[Sample], outcomes: Sequence[Outcome]) -> dict
     A sample of several senses has the conditions of all its recordings.
 
     Args:
-        samples: What was tested.
-        outcomes: What became of each.
+        samples: Tested samples.
+        outcomes: Outcome of each sample.
 
     Returns:
         Under ``conditions``, by name and by value: ``correct``, ``test_samples``,

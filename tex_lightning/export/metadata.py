@@ -95,8 +95,8 @@ def model_card(classifier: SurfaceClassifier, checkpoint: Path) -> str:
     """Return the card as Markdown.
 
     Args:
-        classifier: As loaded.
-        checkpoint: Its file; figures are read from the run folder it lies in, if there is one.
+        classifier: Loaded classifier.
+        checkpoint: Checkpoint file; accuracies are read from its run folder, if there is one.
     """
     card, results = classifier.card, _results(checkpoint)
     entry = results.get("networks", {}).get(card.kind, {})

@@ -28,7 +28,7 @@ def page_files(metadata: Mapping[str, Any], runtime: Mapping[str, bytes]) -> dic
     Every input of that file has to be given: ONNX Runtime Web takes none that has a default.
 
     Args:
-        metadata: What the file says of itself.
+        metadata: Metadata of the exported file.
         runtime: Files of ONNX Runtime Web by name.
     """
     sources = files("tex_lightning.export").joinpath("web")

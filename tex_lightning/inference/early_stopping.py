@@ -60,7 +60,7 @@ def make_inference_model(
 
     Args:
         classifier: Trained; it is left as it is.
-        engine: What is rewritten.
+        engine: Settings of the accelerated copy.
         decision: Threshold of unknown recordings, early stopping.
         novelty: Whether votes say how unlike the training a sample is, where statistics are known.
     """

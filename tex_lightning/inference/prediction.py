@@ -29,7 +29,7 @@ class Prediction:
         top_k: ``label`` and ``share`` of the votes of the best classes, the winner first.
         fragments: Number of fragments that voted.
         relative_macs: Arithmetic that was done, as a share of that of the full decision.
-        warnings: What is wrong with the input, one sentence each.
+        warnings: Faults of the input, one sentence each.
         modalities: Modalities that a FusionNet used; empty for other networks.
         latency_ms: Time from file or array to label in milliseconds.
         novelty: How unlike every class of the training the sample is, from 0 to 2 for each sense;
@@ -75,7 +75,7 @@ def describe(
         vote: None where there is no fragment yet.
         card: Gives class names and the threshold of novelty.
         quality: Warnings about the input.
-        top_k: How many classes to list.
+        top_k: Number of classes to list.
         latency: Time from input to label in seconds.
         modalities: Modalities that a FusionNet used.
     """
@@ -114,7 +114,7 @@ def check_unknown(card: Card, described: bool) -> None:
     """Reject ``decision.unknown`` for a checkpoint without novelties; warn if it has few.
 
     Args:
-        card: As it is to decide.
+        card: Card with the decision to check.
         described: Whether there are statistics of its features.
 
     Raises:

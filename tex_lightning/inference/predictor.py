@@ -141,7 +141,7 @@ class Predictor:
         Args:
             *live: Modalities of the signals that will come; none given are all of the checkpoint.
             rate: Their sampling rate in Hz, one for all or by modality; None is the checkpoint's.
-            colour: As for :meth:`predict`.
+            colour: Order of the colours, see :meth:`predict`.
             **photos: As for :meth:`predict`; they hold for the whole recording.
 
         Raises:

@@ -36,7 +36,7 @@ class LiveSignal:
 
     Attributes:
         rate: Rate in Hz that samples must have.
-        samples: How many came.
+        samples: Number of samples so far.
         kept: Kept samples (axes, samples) as they came; None before the first.
 
     Raises:
@@ -82,7 +82,7 @@ class LiveStream:
         rates: Sampling rate in Hz by modality of each signal; None is the checkpoint's.
         photos: Decoded, by modality, with what is wrong with them; they stay as they are.
         config: ``window``.
-        top_k: How many classes a prediction lists.
+        top_k: Number of classes that a prediction lists.
 
     Attributes:
         signals: The signals by modality, with their ``rate``.

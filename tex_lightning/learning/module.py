@@ -43,7 +43,7 @@ class SurfaceModule(LightningModule):
     ``val/fragment_accuracy`` and ``val/vote_accuracy``.
 
     Args:
-        card: What is trained.
+        card: Card of the classifier to train.
         fit: The training recipe as a dictionary of plain values.
         seed: Seed of dropout; batches have their own.
         pieces: By sense the length or side of the pieces. Those of FusionNet are as small as a
@@ -52,7 +52,7 @@ class SurfaceModule(LightningModule):
     Attributes:
         is_frozen: Whether the fusion layer alone learns.
         embeddings: By sense the features that it then learns from.
-        engine: How the copy that validates is accelerated; None takes none.
+        engine: Settings of the accelerated copy for validation; None uses none.
     """
 
     def __init__(self, card: Card, fit: dict[str, Any], seed: int, pieces: dict[str, int]) -> None:

@@ -109,11 +109,11 @@ def start_network(
 
     Args:
         module: Module of the network, on the CPU, where it is left.
-        batches: Of which a head learns.
+        batches: Training batches that a head is fitted to.
         groups: Group of each training recording of the first sense.
         weights: Source of the trunk's weights, see :func:`start_trunk`; None is random.
         device: Computes the features.
-        engine: How it does so.
+        engine: Settings of the accelerated copy that computes features.
 
     Raises:
         UserError: If the weights cannot be used.
@@ -178,8 +178,8 @@ def fit_linear_head(
         module: With pretrained weights in the trunk, on the device that computes the features.
         photos: Photos of the training set, perturbed if that has an augmentation.
         labels: Class index of each; every class occurs.
-        groups: What was recorded together, of each photo.
-        engine: How features are computed.
+        groups: Group of each photo.
+        engine: Settings of the accelerated copy that computes features.
     """
     recipe = module.fit_config["probe"]
     module.network.trunk.eval()

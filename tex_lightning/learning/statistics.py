@@ -41,7 +41,7 @@ def keep_statistics(
         classifier: Trained, on the device that computes the features; left in evaluation mode.
         rows: The training recordings, which are not perturbed.
         store: Where they are decoded.
-        engine: How the accelerated copy that computes the features differs.
+        engine: Settings of the accelerated copy that computes the features.
         embeddings: By sense its features, as far as they are there.
         frozen: Whether nothing but layers in closed form was trained, so that texture features
             are those of any other classifier.
@@ -117,7 +117,7 @@ def embedding_banks(
         classifier: On the device that computes the features; left in evaluation mode.
         rows: The training recordings.
         store: Where they are decoded.
-        engine: How the accelerated copy that computes them differs.
+        engine: Settings of the accelerated copy that computes them.
 
     Returns:
         By sense features (D, positions) of every recording, of which one position is cut.
@@ -161,7 +161,7 @@ def complete_card(
         classifier: Trained, on the device that computes.
         parts: Recordings by part.
         store: Decoded files.
-        engine: How the accelerated copy that computes scores and novelties differs.
+        engine: Settings of the accelerated copy that computes scores and novelties.
     """
     samples = make_samples(parts.val, classifier.card.modalities)
     fast, scores, validated = accelerate(classifier, engine), [], []

@@ -61,7 +61,7 @@ def train_network(
     """Train, calibrate and write the checkpoint, unless it is there already.
 
     Args:
-        config: How the networks of the model are trained.
+        config: Configuration of the training.
         card: Card of the classifier to train.
         parts: Recordings by part.
         store: Decoded files.
@@ -247,10 +247,10 @@ def shared_folder(
     so these name the folder; those of a FusionNet on its parts, too.
 
     Args:
-        config: How the networks of the model are trained.
+        config: Configuration of the training.
         card: Card of the network.
         unimodal: By sense the networks that FusionNet starts from; empty for the others.
-        folder: Holds the networks of the family.
+        folder: Folder of the networks of the family.
     """
     recipe = {
         "card": card.to_dict(),

@@ -248,7 +248,7 @@ def log_test(
     """Add the metrics of the test and the hyper-parameters that led to them.
 
     Args:
-        loggers: Those of the network.
+        loggers: Loggers of the network.
         name: Name of the network: its sense, or ``fusion``.
         config: The whole configuration as plain values, or what of it was read.
         result: The network's entry of ``results.json``.

@@ -44,7 +44,7 @@ def try_training(config: Config, card: Card, directory: Path) -> list[Sense]:
     """Make all parts of the training of a model once, so that errors show before it starts.
 
     Args:
-        config: How its networks are trained.
+        config: Configuration of the training.
         card: Card of the model, for any classes.
         directory: The run folder.
 
@@ -96,11 +96,11 @@ def try_custom_parts(
     """Train the senses with custom parts on two recordings, as in the run.
 
     Args:
-        model: How they are trained.
+        model: Settings of the training.
         card: Card of the model, for the classes of the data.
-        senses: Its senses.
-        recordings: Decoded ones.
-        store: Holds them.
+        senses: Senses of the model.
+        recordings: Decoded recordings.
+        store: Store of the decoded recordings.
 
     Raises:
         UserError: If a part does not keep its contract.
@@ -121,8 +121,8 @@ def try_branch(
         card: Its card, for the classes of the data.
         fit: The settings of its training.
         piece: Length or side of the pieces that it is trained on.
-        recordings: Decoded ones.
-        store: Holds them.
+        recordings: Decoded recordings.
+        store: Store of the decoded recordings.
 
     Raises:
         UserError: If a part does not keep its contract.
@@ -155,8 +155,8 @@ def try_baseline(classifier: BaselineClassifier, recordings: Sequence[Tensor]) -
     """Check what a user's fitted baseline gives, and that its state is all that it has learnt.
 
     Args:
-        classifier: Holds it.
-        recordings: Decoded ones that it was fitted to.
+        classifier: Classifier with the fitted baseline.
+        recordings: Decoded recordings that it was fitted to.
 
     Raises:
         UserError: If it does not keep its contract.

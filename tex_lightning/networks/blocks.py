@@ -23,7 +23,7 @@ class Window(NamedTuple):
     """Geometry along one axis of a convolution or pooling that changes the size.
 
     Attributes:
-        kernel: Its length.
+        kernel: Length of the window.
         stride: From one place to the next.
         padding: At either end.
         ceil: Whether a place at the far end may lack elements.

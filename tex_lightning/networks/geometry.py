@@ -218,7 +218,7 @@ def in_tiles(function: Run, x: Tensor, windows: Layers, most: int | None) -> Ten
     Args:
         function: Maps (1, C, H, W) to (1, D, M, N) or (1, D, N), however large H and W.
         x: The whole input.
-        windows: Its layers along H and along W.
+        windows: Layers of the network along H and along W.
         most: Largest H * W of a piece; None does not divide. A piece is larger where a single
             prediction needs more.
 

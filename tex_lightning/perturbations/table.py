@@ -29,7 +29,7 @@ class Perturbation:
 
     Attributes:
         name: In ``severities.yaml``, unlike all others.
-        modality: What it changes.
+        modality: Modality that it changes.
         unit: Unit of its values.
         levels: Values of severity 0 (nearly harmless) to 5.
         log: Whether the scale between levels is even in logarithms.
@@ -64,7 +64,7 @@ class Perturbation:
         Args:
             recording: Signal (axes, samples) float32, or photo (height, width, 3) uint8.
             severity: 0 to 5, whole or between.
-            scene: Its circumstances.
+            scene: Circumstances of the recording.
 
         Returns:
             A recording of the same type, not always of the same size.

@@ -116,7 +116,7 @@ class ClassFolder:
 
         Args:
             signals: By modality rate in Hz and samples (axes, samples), float32.
-            photo: As OpenCV gives it.
+            photo: Photo in OpenCV's layout.
 
         Returns:
             Its files.

@@ -39,12 +39,12 @@ class System:
 
     Attributes:
         model: Name of its configuration.
-        kind: Its sense, or ``fusion``.
+        kind: Sense, or ``fusion``.
         inside: The FusionNet that trained it as its part; empty for a system of its own.
         data: Name of the data set's configuration.
         variant: Settings by which it differs from other systems of the same model.
         classes: Class names in order.
-        entries: Its entries of ``results.json``, one for each run.
+        entries: Entries of ``results.json``, one for each run.
         outcomes: Outcomes of all runs together.
     """
 

@@ -23,9 +23,9 @@ class StabilityRow(NamedTuple):
         perturbation: Name of the perturbation.
         severity: 0, which is clean, to 5.
         test_samples: Number of samples.
-        vote_accuracy: Share of them that got their class.
-        ci_low: Wilson's 95 % interval of it.
-        ci_high: The same.
+        vote_accuracy: Share of samples whose label is correct.
+        ci_low: Lower end of Wilson's 95 % interval of the accuracy.
+        ci_high: Upper end of the interval.
         flip_rate: Share of samples whose label, or lack of one, differs from the clean one.
     """
 

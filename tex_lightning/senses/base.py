@@ -42,7 +42,7 @@ class Sense(nn.Module, ABC):
         tile: Most elements of an input that go through the network at once, or twice its receptive
             field each way if that is more; None never divides. Inputs are divided where the
             geometry of the network is known.
-        medium: What its recordings are: ``signal`` or ``photo``.
+        medium: Kind of its recordings: ``signal`` or ``photo``.
         dimensions: Fewest dimensions of the network's input.
     """
 
@@ -121,7 +121,7 @@ class Sense(nn.Module, ABC):
         """Return the network input (batch, ...) of what the bank has cut.
 
         Args:
-            pieces: What the bank has cut.
+            pieces: Pieces that the bank has cut.
             size: Length or side of a piece.
             change: What photos (batch, 3, side, side) in [0, 1] become before they are normalised;
                 None leaves them, and of signals there is none.

@@ -31,8 +31,8 @@ class Dataset:
 
     Attributes:
         classes: Class names in natural order.
-        recordings: Those of the modalities that the model needs.
-        unknown: The same of the classes held out of everything but a test of their own.
+        recordings: Recordings of the modalities that the model needs.
+        unknown: Recordings of held-out classes, used only in their own test.
         store: Decoded files.
         skipped: Files that are left out since they cannot be used (``data.skip_bad``).
     """
@@ -122,8 +122,8 @@ def open_test_data(data: DataConfig, classifier: SurfaceClassifier, who: str) ->
 
     Args:
         data: Where recordings come from, and which fold.
-        classifier: What is tested.
-        who: Its name in messages.
+        classifier: Tested classifier.
+        who: Name of the classifier in messages.
 
     Raises:
         UserError: If classes are unknown to the checkpoint, it was trained on these recordings, or
@@ -184,7 +184,7 @@ def show_opening(data: DataConfig, dataset: Dataset, what: str, *, trains: bool 
     Args:
         data: Where the recordings come from.
         dataset: All that will be trained or tested on.
-        what: What is trained or tested.
+        what: Description of the training or test.
         trains: Whether folds are trained on.
     """
     rows = dataset.recordings

@@ -62,11 +62,11 @@ def report_network(
 
     Args:
         classifier: The network, on its device.
-        checkpoint: Its file.
-        samples: What is tested, at least one.
+        checkpoint: File of the checkpoint.
+        samples: Test samples, at least one.
         store: Their recordings.
         directory: The run folder.
-        config: How it runs and decides.
+        config: Settings of engine and decision.
         unknown: Samples of classes that were held out.
 
     Returns:

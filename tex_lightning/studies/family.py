@@ -28,9 +28,9 @@ class System:
     """One system of the family, and the results of training and testing it.
 
     Attributes:
-        name: Its name in the family.
-        overrides: Its own, beside those of the user.
-        config: Its composed configuration.
+        name: Name in the family.
+        overrides: Overrides of the system, in addition to the user's.
+        config: Composed configuration.
         entry: Facts of the first fold's network: parameters, arithmetic, checkpoint.
         fit_seconds: Mean over the trainings, parts of a FusionNet included.
         tests: Outcomes by tested fold.
@@ -127,7 +127,7 @@ def measure_family(systems: Sequence[System], folds: Sequence[int], directory: P
     Args:
         systems: The systems, whose results are filled in.
         folds: Folds that are tested.
-        directory: Holds a folder for each system; the networks, each trained once, lie beside it.
+        directory: Parent of a folder for each system; shared networks are in a folder beside it.
     """
     what = f"{len(systems)} systems: {', '.join(system.name for system in systems)}"
     networks_in, shown = directory.parent / NETWORKS, set[str]()
@@ -154,7 +154,7 @@ def _run_folds(
         config: The system.
         homes: Folders by fold.
         networks_in: Folder of the networks that systems have in common.
-        what: What is trained, for the opening.
+        what: Description of the training, for the summary.
         shown: Modalities whose recordings an opening has shown; others are added.
     """
     dataset, entries = None, []

@@ -51,7 +51,7 @@ def fit_baseline(
     """Fit, calibrate and write the checkpoint, unless it is there already.
 
     Args:
-        config: How it is fitted and decides.
+        config: Settings of fit and decision.
         card: Card of the baseline.
         parts: Recordings by part.
         store: Decoded files.
@@ -176,8 +176,8 @@ def fit_fold(
 
     Args:
         config: The model, and the fold.
-        dataset: What it is trained and tested on.
-        directory: Holds checkpoints and predictions.
+        dataset: Recordings to train and test on.
+        directory: Folder of checkpoints and predictions.
         draw: Whether figures are drawn; of several folds they are drawn of all together.
         test_parts: Whether the networks that a FusionNet consists of are tested, too.
         networks_in: Folder in which systems of a family find networks that they have in common.
@@ -224,7 +224,7 @@ def given_start(path: Path, card: Card, test: Recordings, data: DataConfig) -> S
         path: The checkpoint.
         card: Card of such a network as this run would train it.
         test: The test recordings.
-        data: How this run was told what to test.
+        data: Division into folds or by condition.
 
     Raises:
         UserError: If it is no such network, classes differ, or it has seen the fold that this run

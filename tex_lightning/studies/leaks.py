@@ -31,7 +31,7 @@ def trained_on(
     Args:
         card: Card of the network to train.
         parts: Recordings by part.
-        data: How they were divided.
+        data: Division into folds.
         begun: Cards of the networks that it starts from; it has seen what they have.
         source: Where its trunk starts; None is at random, or as in ``begun``.
     """
@@ -66,10 +66,10 @@ def refuse_leak(test: Recordings, card: Card, who: str, data: Folding) -> None:
     parts of one file are the same as far as they overlap.
 
     Args:
-        test: What is to be tested.
+        test: Test recordings.
         card: Card of the checkpoint.
-        who: Its name in the message.
-        data: How this run was told what to test.
+        who: Name of the checkpoint in the message.
+        data: Division into folds or by condition.
 
     Raises:
         UserError: Naming one such file and the fold that the checkpoint was tested on.

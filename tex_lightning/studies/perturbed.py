@@ -98,7 +98,7 @@ class SystemFold:
     Attributes:
         checkpoint: Where it was loaded from.
         classifier: In evaluation mode, as prediction runs it.
-        samples: Those it has not trained on.
+        samples: Test samples, which it was not trained on.
         datasets: Where their recordings are, by modality.
     """
 
@@ -152,7 +152,7 @@ class PerturbedSystem:
     Attributes:
         name: Unlike those of the other systems.
         kind: The sense that it reads, or ``fusion`` of several.
-        folds: What is tested.
+        folds: Tested folds.
     """
 
     name: str

@@ -137,7 +137,7 @@ def profile_network(
     Args:
         classifier: Unimodal, in evaluation mode, as trained.
         recording: Decoded, as its sense takes it.
-        engine: How the network is accelerated.
+        engine: Settings of the acceleration.
         profile: Budgets.
     """
     sense, fast = only_sense(classifier), only_sense(accelerate(classifier, engine))
@@ -176,7 +176,7 @@ def agreement(network: nn.Module, twin: WindowNet, grid: Tensor) -> float:
     """Return the share of windows that the twin labels as the network labels the window alone.
 
     Args:
-        network: As trained.
+        network: Network as trained.
         twin: Twin of ``network``.
         grid: Windows (rows, columns, C, height, width).
     """

@@ -14,12 +14,12 @@ LEAST_ROUNDS = 3
 
 
 class Timing(NamedTuple):
-    """How long a function took, in ms.
+    """Time of a function in ms.
 
     Attributes:
         median: Median of all timed calls.
-        p95: Their 95th percentile.
-        calls: Of every timed call.
+        p95: 95th percentile of all timed calls.
+        calls: Time of every timed call.
     """
 
     median: float
@@ -40,7 +40,7 @@ def interleaved(
     A function that hands work to an accelerator has to wait for it; see :func:`waiting`.
 
     Args:
-        functions: What to time, by name; their results are thrown away.
+        functions: Functions to time, by name; their results are discarded.
         repeats: Number of rounds.
         warm_up: Calls of each function before the first round, not timed.
         slice_s: A function is called again in the same round until it has had this many seconds,

@@ -43,7 +43,7 @@ class ManifestReader:
     """A table.
 
     Attributes:
-        manifest: Its file.
+        manifest: CSV file.
     """
 
     manifest: str

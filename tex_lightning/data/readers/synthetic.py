@@ -28,8 +28,8 @@ class SyntheticReader:
     Sounds take as long to render as all the rest, so they have a folder of the cache to themselves.
 
     Attributes:
-        classes: How many; None takes 12.
-        surfaces: What is rendered of each, the section ``data.synthetic``.
+        classes: Number of classes; None means 12.
+        surfaces: Recordings to render of each, the section ``data.synthetic``.
         cache_dir: Folder of the cache; None takes the user's.
         senses: Senses in use, or their modalities: sounds are rendered if ``sound`` is one of them,
             and nothing else if it is the only one.

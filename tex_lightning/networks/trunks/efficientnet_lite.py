@@ -24,12 +24,12 @@ class Stage(NamedTuple):
     """Blocks in a row on maps of one size.
 
     Attributes:
-        blocks: How many, before the variant's depth.
+        blocks: Number of blocks, before the variant's depth.
         kernel: Side of their depthwise kernels.
         stride: Stride of the first of them.
         expansion: Factor on the channels inside of them.
-        channels: That they give, before the variant's width.
-        positions: Those along each axis that one of the last stage stands for.
+        channels: Output channels, before the variant's width.
+        positions: Positions along each axis per position of the last stage.
     """
 
     blocks: int
@@ -160,7 +160,7 @@ class TextureFeatures(nn.Module):
 
         Args:
             maps: (B, D, M, N).
-            positions: Those along each axis that one of the coarsest maps stands for.
+            positions: Positions along each axis per position of the coarsest maps.
 
         Returns:
             (B, D, M', N').
@@ -205,7 +205,7 @@ class EfficientNetLite0(Trunk):
 
     Attributes:
         wide: The variant's own factor on the channels of a stage.
-        deep: Its factor on the blocks.
+        deep: The variant's factor on the number of blocks.
 
     Raises:
         UserError: ``norm`` is not one of ``norms``, or ``patch`` is smaller than a position.
