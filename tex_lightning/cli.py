@@ -50,7 +50,7 @@ log = logging.getLogger(__name__)
 
 
 class Results(dict[str, Any]):
-    """The content of ``results.json``, and where the rest of the run lies.
+    """The content of ``results.json``, and the run folder.
 
     Attributes:
         folder: The run folder, with checkpoints, figures and predictions; :func:`load` takes it.
@@ -68,18 +68,18 @@ class Results(dict[str, Any]):
 
 
 def train(*overrides: str) -> Results:
-    """Train and test what the command line would, in this process.
+    """Run a command line in this process.
 
-    Logging, the working directory and Hydra's state are left as they are. A run folder that holds
-    an unfinished run of the same settings is gone on with.
+    Logging, the working directory and Hydra's state are left as they are. An unfinished run of the
+    same settings in the run folder is continued.
 
     Args:
-        *overrides: What follows ``python -m tex_lightning``, such as ``"model=haptic"``,
-            ``"data=folder"``, ``"data.root=DIR"``, ``"task=crossval"`` or ``"hydra.run.dir=RUN"``,
-            without which a new folder is made below ``outputs``.
+        *overrides: Arguments after ``python -m tex_lightning``, such as ``"model=haptic"``,
+            ``"data=folder"``, ``"data.root=DIR"``, ``"task=crossval"`` or ``"hydra.run.dir=RUN"``;
+            by default the run folder is a new one below ``outputs``.
 
     Returns:
-        What the run has written to ``results.json``; empty in a process that is not rank zero.
+        The content of ``results.json``; empty in a process that is not rank zero.
 
     Raises:
         UserError: With the sentence that the command line would print.

@@ -15,8 +15,8 @@ class UserError(Exception):
     The command line prints it without a traceback and exits with status 2.
 
     Args:
-        *lines: The sentence, and perhaps a list below it. Each is one line, whatever names of files
-            in it hold.
+        *lines: The sentence, optionally followed by a list. Each is printed as one line, even if
+            file names in it contain line breaks.
 
     Example:
         >>> import tex_lightning as tl

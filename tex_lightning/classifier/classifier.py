@@ -48,20 +48,20 @@ class SenseOutput(NamedTuple):
 class SurfaceClassifier(nn.Module):
     """Classify decoded recordings.
 
-    One sense decides by its own class scores; those of several senses add up (FusionNet).
+    A single sense is classified by its class scores; those of several senses add up (FusionNet).
 
     Args:
         card: Card of the classifier.
-        senses: Senses of the card that are made already; None makes them, with random weights.
+        senses: Existing senses of the card; None makes them, with random weights.
 
     Attributes:
-        card: The plain values that it was built from.
+        card: Plain values from which the classifier was built.
         senses: The :class:`~tex_lightning.senses.base.Sense` of every name, a ``ModuleDict``.
         fusion: The layer that adds up the scores of several senses; None for a single one.
         statistics: By the name of the sense, the
-            :class:`~tex_lightning.classifier.statistics.FeatureStatistics` of what
-            :meth:`embedding` gives for the training recordings; empty before training has ended,
-            and of a checkpoint written without them.
+            :class:`~tex_lightning.classifier.statistics.FeatureStatistics` of the embeddings
+            (:meth:`embedding`) of the training recordings; empty before training has ended, and for
+            a checkpoint without them.
 
     Example:
         >>> import tex_lightning as tl, torch
@@ -117,7 +117,7 @@ class SurfaceClassifier(nn.Module):
 
     @classmethod
     def from_content(cls, path: Path, stored: dict[str, Any]) -> "SurfaceClassifier":
-        """Build the classifier that a checkpoint holds, ready to classify on the CPU.
+        """Build the classifier of a checkpoint, ready to classify on the CPU.
 
         Args:
             path: The file, for messages.
@@ -148,7 +148,7 @@ class SurfaceClassifier(nn.Module):
         write_atomically(path, lambda partial: torch.save(content, partial))
 
     def weights(self) -> dict[str, Any]:
-        """Return the part of a checkpoint that holds what was trained."""
+        """Return the trained part of a checkpoint."""
         return {"state_dict": lightning_state(self)}
 
     def expect_statistics(self, stored: Mapping[str, Tensor]) -> None:
@@ -185,8 +185,8 @@ class SurfaceClassifier(nn.Module):
     def classify(self, **recordings: Tensor) -> Vote:
         """Decide on one sample; arguments are those of :meth:`logits`.
 
-        Features of bands, a linear rule and the vote are so little work that a second thread costs
-        more time than it saves, and several times as much beside other processes.
+        Band features, a linear layer and the vote take so little time that a second thread costs
+        more than it saves, several times as much on a shared machine.
         """
         light = all(isinstance(sense.network, LinearNet) for sense in self.senses.values())
         with computing_threads(1 if light else None):
@@ -229,7 +229,7 @@ class SurfaceClassifier(nn.Module):
         return self.output_of(name, self.embedding(name, recording))
 
     def output_of(self, name: str, features: Tensor) -> SenseOutput:
-        """Compute the same from features (D, positions), see :meth:`embedding`."""
+        """Compute scores and novelty from features (D, positions), see :meth:`embedding`."""
         statistics = self.statistics_of(name)
         novelty = None if statistics is None else statistics.novelty(features.mean(dim=1))
         return SenseOutput(self._partial_logits(name, features), novelty)
@@ -250,7 +250,7 @@ class SurfaceClassifier(nn.Module):
         return content_seed(self.card.decision["seed"], *arrays)
 
     def partial_logits(self, name: str, recording: Tensor) -> Tensor:
-        """Compute what one sense adds to the class scores: (classes, positions)."""
+        """Compute the partial logits of one sense: (classes, positions)."""
         return self._partial_logits(name, self.embedding(name, recording))
 
     def _partial_logits(self, name: str, features: Tensor) -> Tensor:
@@ -263,14 +263,14 @@ class SurfaceClassifier(nn.Module):
         return class_scores(self.senses[name].network, features)
 
     def embedding(self, name: str, recording: Tensor) -> Tensor:
-        """Compute the features (D, positions) of one sense that its :attr:`statistics` are about.
+        """Compute the features (D, positions) of one sense that :attr:`statistics` describe.
 
-        They are FC2's at every level of fusion, or the class scores of a network without a
+        These are FC2 features at every level of fusion, or the class scores of a network without a
         ``score_layer``.
 
         Args:
             name: Name of the sense.
-            recording: Decoded.
+            recording: Decoded recording.
         """
         return self.senses[name].positions(recording, self.embedding_layer(name))
 
@@ -279,7 +279,7 @@ class SurfaceClassifier(nn.Module):
         return self.layers[name][0]
 
     def level(self, name: str) -> Level:
-        """Return the layer of one sense that is fused; of a single one that of the scores."""
+        """Return the fused layer of one sense; that of the scores if there is a single sense."""
         return self.layers[name][1]
 
     def _layers(self, name: str) -> tuple[Level, Level]:
@@ -314,11 +314,11 @@ class SurfaceClassifier(nn.Module):
 
     @torch.no_grad()
     def with_senses(self, senses: Sequence[str]) -> "SurfaceClassifier":
-        """Return a copy that looks at some of the senses, for samples that lack the others.
+        """Return a copy with some of the senses, for samples that lack the others.
 
-        Where FC2 is fused a single sense has no FC3 of its own; it takes its part of the fusion
-        layer, so that the scores of all add up to those of the fusion. At FC3 it is the network
-        with its own scores.
+        If FC2 is fused, a single sense has no FC3; its scores are its part of the fusion layer, so
+        that the scores of all senses add up to those of the fusion. If FC3 is fused, its scores are
+        those of its network.
         """
         if self.fusion is None or tuple(senses) == self.card.sense_names:
             return self

@@ -107,9 +107,9 @@ class SurfaceData(LightningDataModule):
     """Loaders of training batches, and of whole samples for validation.
 
     Args:
-        batches: An endless sequence, of which every epoch takes its part.
+        batches: Endless sequence of batches, divided into epochs.
         steps: Batches in an epoch.
-        validation: Whole samples; none leaves out validation.
+        validation: Whole samples; None disables validation.
         num_workers: Processes that make batches; 0 makes them in this one.
 
     Example:
@@ -165,7 +165,7 @@ class SurfaceData(LightningDataModule):
     def val_dataloader(self) -> DataLoader[Batch] | list[Any]:
         """Return a loader of the validation samples, one at a time: they have unequal sizes.
 
-        Where there are fewer samples than processes, all take all, and the means are the same.
+        If there are fewer samples than processes, every process reads all of them.
         """
         samples = self.validation
         if not samples:

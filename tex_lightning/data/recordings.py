@@ -81,19 +81,19 @@ class Recording:
 
     Attributes:
         label: Class name.
-        modality: ``haptic`` for an acceleration trace, ``image`` for a photo, ``sound``, or a name
-            of the user's.
+        modality: ``haptic`` for an acceleration trace, ``image`` for a photo, ``sound``, or a
+            custom name.
         path: The file.
-        group: What was recorded together and is never divided between training and test: any text,
-            such as a session, a specimen or a person, wherever it occurs; or a whole number, which
-            counts inside the class and decides the fold.
-        sampling_rate: Rate of a signal in Hz where the reader knows it, else None
-            (a WAV file carries its own; other formats have the configured rate).
+        group: Recordings with the same group are never divided between training and test. Either
+            any text, such as a session, a specimen or a person; or a whole number, which counts
+            inside the class and determines the fold.
+        sampling_rate: Rate of a signal in Hz if the reader has it, else None (a WAV file states its
+            rate; other formats have the configured rate).
         conditions: Conditions of the recording as names and values, such as
             ``("speed", "60")``; every further column of a manifest is one.
         part: The part of the file, as fractions of the length of a signal or of the width of a
             photo (see above); None is the whole file.
-        fold: The fold, which belongs to a division of the whole table (:mod:`.folds`); None before.
+        fold: Fold in the division of the whole table (:mod:`.folds`); None before it.
 
     Example:
         >>> import tex_lightning as tl
@@ -128,8 +128,8 @@ class Recordings:
 
     Attributes:
         rows: The recordings.
-        notes: Notes on files that were skipped or divided on reading, which count for nothing when
-            tables are compared.
+        notes: Notes on files that were skipped or divided on reading; comparisons of tables
+            ignore them.
 
     Example:
         >>> import tex_lightning as tl
@@ -203,8 +203,8 @@ def read_manifest(path: Path) -> Recordings:
     r"""Read a table from CSV with the columns ``label,modality,path,group``.
 
     Relative paths are relative to the manifest; an optional column ``rate`` (Hz) gives the rate
-    of traces whose format carries none. A column ``part``, such as ``0-0.5``, says where in its
-    file a recording lies. All other columns are conditions of the recordings, such as speed, force
+    of traces whose format states none. A column ``part``, such as ``0-0.5``, is the position of a
+    recording in its file. All other columns are conditions of the recordings, such as speed, force
     or light. ``group`` is any text or a number (:class:`Recording`).
 
     Raises:

@@ -19,21 +19,21 @@ class Prediction:
     """The prediction for a sample, or for a recording so far.
 
     If an input has a warning, half of the votes and probabilities is spread evenly over the
-    classes, or all of them if nothing was measured: the training has no such inputs.
+    classes, or all of it if nothing was measured: the training has no such inputs.
 
     Attributes:
         label: Name of the class, or ``unknown``; None if there is no fragment yet.
         rejected: Whether the novelty is above its threshold; None without ``decision.unknown``.
-        probability: Mean class probability of the winner over all fragments, 0 to 1.
-        confidence: The winner's share of the votes, 0 to 1.
-        top_k: ``label`` and ``share`` of the votes of the best classes, the winner first.
-        fragments: Number of fragments that voted.
-        relative_macs: Arithmetic that was done, as a share of that of the full decision.
+        probability: Mean probability of the label over all fragments, 0 to 1.
+        confidence: Share of the fragment votes for the label, 0 to 1.
+        top_k: ``label`` and ``share`` of the fragment votes of the best classes, the label first.
+        fragments: Number of fragments.
+        relative_macs: Computed MACs as a share of those of the full decision.
         warnings: Faults of the input, one sentence each.
         modalities: Modalities that a FusionNet used; empty for other networks.
         latency_ms: Time from file or array to label in milliseconds.
-        novelty: How unlike every class of the training the sample is, from 0 to 2 for each sense;
-            None without ``decision.unknown``.
+        novelty: Distance to the closest class, from 0 to 2 for each sense; None without
+            ``decision.unknown``.
 
     Example:
         >>> import tex_lightning as tl
@@ -55,7 +55,7 @@ class Prediction:
     novelty: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values for JSON; leave out those that say nothing about this sample."""
+        """Return plain values for JSON, without those that do not apply to this sample."""
         values, empty = asdict(self), {"rejected", "modalities", "novelty"}
         left_out = {name for name in empty if values[name] in (None, ())}
         return {name: value for name, value in values.items() if name not in left_out}

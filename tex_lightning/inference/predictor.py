@@ -104,7 +104,7 @@ class Predictor:
                 A signal is a file, or its samples: (samples,), (axes, samples) or (samples, axes)
                 with 1 to 64 axes, in the unit of the training recordings. A photo is a file,
                 or its pixels: (height, width, 3), or (height, width) in grey, uint8. They are
-                resampled and resized for the checkpoint. None counts as absent.
+                resampled and resized for the checkpoint. None means absent.
 
         Raises:
             UserError: If the input is unusable, or of a modality that the checkpoint does not use.
@@ -134,15 +134,15 @@ class Predictor:
         colour: str = "rgb",
         **photos: Input,
     ) -> LiveStream:
-        """Start classifying a recording that is still going on.
+        """Start to classify a live recording.
 
-        The keys of the vote are given on loading, as in ``tl.load("RUN", "stream.window=2")``.
+        Keys of the stream are arguments of :func:`load`: ``tl.load("RUN", "stream.window=2")``.
 
         Args:
-            *live: Modalities of the signals that will come; none given are all of the checkpoint.
-            rate: Their sampling rate in Hz, one for all or by modality; None is the checkpoint's.
+            *live: Modalities of the live signals; by default all of the checkpoint.
+            rate: Sampling rate in Hz, one for all or by modality; None is the checkpoint's.
             colour: Order of the colours, see :meth:`predict`.
-            **photos: As for :meth:`predict`; they hold for the whole recording.
+            **photos: Photos as in :meth:`predict`, for the whole recording.
 
         Raises:
             UserError: If there is no signal, the network cannot classify a whole recording in a

@@ -112,8 +112,8 @@ class FusionNet(FusionLayer):
     At level "fc2" the FC3 layers of the networks and their dropout do not exist.
 
     Args:
-        *networks: One for each sense, with pretrained or random weights; they are copied. The
-            paper's are a HapticNet and a VisualNet.
+        *networks: Network of each sense, with pretrained or random weights; they are copied. The
+            paper fuses a HapticNet and a VisualNet.
         classes: Number of materials.
         level: Layer whose features are fused.
 
@@ -137,8 +137,8 @@ class FusionNet(FusionLayer):
         """Return class scores before softmax, (B, classes, P).
 
         Args:
-            *inputs: One for each sense, as its network takes it.
-            tuples: As for :meth:`fuse`.
+            *inputs: Network input of each sense.
+            tuples: Tuples of positions, see :meth:`fuse`.
         """
         return self.fuse(self.parts(*inputs), tuples)
 

@@ -54,7 +54,7 @@ class ManifestReader:
 
 
 def read_folder(root: Path) -> Recordings:
-    """Read a folder with one folder per class; what is passed over is in the table's notes.
+    """Read a folder with one folder per class; notes of the table list skipped files.
 
     Raises:
         UserError: If the folder is missing or holds no recordings.
