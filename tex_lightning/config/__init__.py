@@ -57,7 +57,7 @@ class Config:
     )
     image: Any = key("photo(s) to predict from; to record: camera:NUMBER or a video", default=None)
     sound: Any = key("sound(s): as haptic", default=None)
-    own: dict[str, Any] = key("files of your own senses; +NAME=FILE adds one", factory=dict)
+    own: dict[str, Any] = key("files of custom modalities; +NAME=FILE adds one", factory=dict)
     top_k: int = key("candidates listed by task=predict", "[1, inf)")
     weights: Any = key(
         "first weights of trunks: FILE, imagenet or {TRUNK: FILE}; null: random", default=None

@@ -26,17 +26,21 @@ class SyntheticConfig:
 class Folding:
     """How recordings are divided into folds, and which of them are trained on."""
 
-    folds: int = key("folds of whole groups; a number is in that fold, modulo this", "[2, 100000]")
-    test_fold: int | None = key("tested fold, never trained or chosen on; null tests everything")
+    folds: int = key(
+        "number of folds; a numbered group is in the fold number modulo folds", "[2, 100000]"
+    )
+    test_fold: int | None = key(
+        "test fold, not used for training or choices; null tests everything"
+    )
     val_fold: int | None = key("validation fold of the training; null for none", default=None)
     inverted: bool = key("train on test_fold alone and test on all the others")
     per_class: int | None = key(
-        "training recordings of each class and sense, the next after test_fold; null: all",
+        "training recordings of each class and modality, the next after test_fold; null: all",
         "[1, 1000000]",
         default=None,
     )
     test_where: Any = key(
-        "conditions that are tested in place of a fold: {speed: [50, 60], light: lamp}",
+        "conditions of the test set, in place of a fold: {speed: [50, 60], light: lamp}",
         default=None,
     )
 
@@ -48,7 +52,7 @@ class DataConfig(Folding):
     name: str = key("data set, set by data=NAME")
     root: str | None = key("folder of the recordings")
     manifest: str | None = key("CSV with the columns label,modality,path,group")
-    reader: dict[str, Any] = key("class that reads the data set, and its own keys", factory=dict)
+    reader: dict[str, Any] = key("class that reads the data set, and its keys", factory=dict)
     group_by: str | None = key("property that defines the groups, if several", default=None)
     classes: int | None = key(
         "number of classes, the first by name; null: all", "[2, inf)", default=None
@@ -66,7 +70,7 @@ class DataConfig(Folding):
     half_scale: bool = key("halve photos; false for photos under a megapixel")
     resize: int | None = key("side of square photos", "[1, 8192]", unit="pixels", default=None)
     hold_out: list[str] | None = key(
-        "classes never trained on, whose confidence is compared with that of others", default=None
+        "classes left out of training and tested as unknown ones", default=None
     )
     skip_bad: bool = key("continue without unusable files, which are listed and counted")
     cache_dir: str | None = key("folder of decoded files; null: the user's cache", default=None)
@@ -78,7 +82,7 @@ class SourceConfig:
     """How the samples of one signal arrive."""
 
     rate: int | None = key("rate; null takes that of the file or card", default=None, **HERTZ)
-    axes: int = key("numbers of one sample, each a channel of the file", "[1, 64]")
+    axes: int = key("values of one sample, each a channel of the file", "[1, 64]")
     format: str = key(
         "samples of pipes and serial ports: float32, or text, a sample a line", choices=FORMATS
     )

@@ -27,15 +27,19 @@ class DecisionConfig:
     name: str = key(
         "max_vote: all fragments, sequential: as few as needed", choices=("max_vote", "sequential")
     )
-    pairs: int | None = key("pairs or tuples that FusionNet votes over", f"[1, {MAX_PAIRS}]")
+    pairs: int | None = key(
+        "number of random pairs or tuples in FusionNet's vote", f"[1, {MAX_PAIRS}]"
+    )
     rule: str | None = key(
         "count votes, or average probabilities or scores", choices=("vote", "mean", "score")
     )
     seed: int | None = key("seed of the pairs and of the order of windows", SEED)
     unknown: float | None = key(
-        "share of known recordings that may be called unknown; 0: none", CHANCE, default=None
+        "share of known recordings that may be labelled unknown; 0: none", CHANCE, default=None
     )
-    confidence_threshold: float = key("sequential: mean probability that decides", SHARE)
+    confidence_threshold: float = key(
+        "sequential: mean probability at which no more is read", SHARE
+    )
 
 
 @dataclass
@@ -49,10 +53,12 @@ class TrainerConfig:
     devices: Any = key("devices of each machine that train together, or auto", "[1, 64]")
     num_nodes: int = key("machines that srun or torchrun starts together", "[1, 1024]")
     strategy: Any = key("how devices train together: a strategy name of Lightning, or a _target_")
-    precision: str = key("of training", choices=("32-true", "16-mixed", "bf16-mixed", "64-true"))
+    precision: str = key(
+        "numeric precision of training", choices=("32-true", "16-mixed", "bf16-mixed", "64-true")
+    )
     tf32: bool = key("on NVIDIA GPUs, round the factors of fp32 products to 10 bits: faster")
     threads: int | None = key(
-        "threads of PyTorch on the CPU; null: its own number", "[1, 1024]", default=None
+        "threads of PyTorch on the CPU; null: PyTorch's default", "[1, 1024]", default=None
     )
 
     @property
@@ -67,7 +73,7 @@ class EngineConfig:
 
     fast: bool = key("fold batch normalisation, store channels innermost, compute within the cache")
     tile: int | None = key(
-        "most pixels, or frames times 50, that go through a network at once; null: all",
+        "largest number of pixels, or of frames times 50, in one pass; null: all",
         "[100000, 1000000000000]",  # smaller pieces are nearly all margin
     )
 
@@ -83,9 +89,9 @@ class CrossvalConfig:
 class StreamConfig:
     """Classification while a recording goes on."""
 
-    chunk: float = key("signal between two votes", "(0, 3600]", unit="s")
+    chunk: float = key("signal between two predictions", "(0, 3600]", unit="s")
     window: float | None = key(
-        "last part of the signal, which alone votes; null: all",
+        "last part of the signal that is classified; null: all",
         "[0.5, 600]",
         unit="s",
         default=None,
@@ -109,7 +115,7 @@ class ProfileConfig:
     seconds: float = key("length of the rendered trace", "[3, 600]", unit="s")
     width: int = key("width of the rendered photo after halving", **SIDE)
     height: int = key("height of that photo", **SIDE)
-    rounds: int = key("most rounds of timing; each times every way of classifying", ROUNDS)
+    rounds: int = key("largest number of rounds; each times every variant", ROUNDS)
     budget_s: float = key("time after which no fourth round begins", "(0, 86400]", unit="s")
 
 
@@ -139,7 +145,7 @@ class ExportConfig:
 
     out: str | None = key("folder to write to; null takes the run folder", default=None)
     format: str = key(
-        "onnx: onnxruntime, web: a browser, card: people",
+        "onnx: ONNX Runtime, web: page for browsers, card: model card",
         choices=("onnx", "web", "card"),
     )
     check: int = key("recordings of noise on which the file is compared", "[0, 100000]")
