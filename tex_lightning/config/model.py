@@ -29,13 +29,15 @@ class FitConfig:
     two checkpoints.
     """
 
-    epochs: int = key("stretches of training between two checkpoints", "[0, 1000000]")
+    epochs: int = key("number of epochs; each ends with a checkpoint", "[0, 1000000]")
     steps_per_epoch: int = key("optimiser steps in an epoch", "[1, 1000000]")
     batch_size: int = key("samples in a step, over all processes", BATCH)
-    optimizer: dict[str, Any] = key("class and arguments", factory=dict)
+    optimizer: dict[str, Any] = key("class and arguments of the optimiser", factory=dict)
     learning_rate: float = key("largest learning rate of the trunk", RATE)
-    schedule: dict[str, Any] = key("class and arguments; it acts after every step", factory=dict)
-    label_smoothing: float = key("share of the label given to all classes", PROBABILITY)
+    schedule: dict[str, Any] = key(
+        "class and arguments of the schedule, applied after every step", factory=dict
+    )
+    label_smoothing: float = key("share of the target that is spread over all classes", PROBABILITY)
     head_factor: float = key("learning rate of the 1x1 layers over that of the trunk", "(0, 1000]")
 
     piece_key: ClassVar[str] = ""
@@ -64,7 +66,7 @@ class SignalFitConfig(FitConfig):
 class ProbeConfig:
     """Fit of VisualNet's FC3 to the features of whole photos, where ``head`` is empty."""
 
-    passes: int = key("passes over the training photos, cut anew each time", "[1, 1000]")
+    passes: int = key("passes over the training photos, each with new crops", "[1, 1000]")
     strength: float = key("inverse of the regularisation", "(0, 1000000]")
     side: int = key("largest side; larger photos are cut", f"[224, {LARGEST}]", unit="pixels")
 
@@ -106,13 +108,13 @@ class SenseConfig:
     classes receive the keys that they have parameters for.
     """
 
-    _target_: str = key("class of the branch: of signals or of photos")
+    _target_: str = key("class of the sense: of signals or of photos")
     modality: str = key("modality of its recordings, and of files to predict from")
     decode: dict[str, Any] = key("how files are decoded", factory=dict)
     features: dict[str, Any] = key(
-        "class from decoded recording to network input, and its own keys", factory=dict
+        "class from decoded recording to network input, and its keys", factory=dict
     )
-    network: dict[str, Any] = key("class of the network, and its own keys", factory=dict)
+    network: dict[str, Any] = key("class of the network, and its keys", factory=dict)
     fit: Any = None
 
     @property
@@ -147,9 +149,7 @@ class SignalConfig(SenseConfig):
 class PhotoConfig(SenseConfig):
     """VisualNet on one of several trunks."""
 
-    trunk: dict[str, Any] = key(
-        "class of the convolutions before FC1, and its own keys", factory=dict
-    )
+    trunk: dict[str, Any] = key("class of the convolutions before FC1, and its keys", factory=dict)
     width: float = key("factor on every channel count; 1 is the published size", WIDTH)
     norm: str = key("normalisation of activations; none for pretrained trunks", choices=NORMS)
     dropout: float = key("probability of dropping an input of FC2 and FC3", PROBABILITY)
@@ -180,11 +180,13 @@ class ModelConfig:
     """The model that is trained; a user's own senses are attributes too."""
 
     name: str = key("model, set by model=NAME")
-    senses: list[str] = key("haptic, visual, sound or your own; several are trained, then fused")
-    baseline: dict[str, Any] | None = key(
-        "class of what is fitted instead of a network, and its own keys", default=None
+    senses: list[str] = key(
+        "haptic, visual, sound or a custom sense; several are trained, then fused"
     )
-    budget: float = key("factor on the steps of a baseline or of a sense of your own", "(0, 1000]")
+    baseline: dict[str, Any] | None = key(
+        "class of the baseline in place of a network, and its keys", default=None
+    )
+    budget: float = key("factor on the steps of a baseline or of a custom sense", "(0, 1000]")
     haptic: SignalConfig = field(default_factory=SignalConfig)
     visual: PhotoConfig = field(default_factory=PhotoConfig)
     sound: SignalConfig = field(default_factory=SignalConfig)
