@@ -149,7 +149,7 @@ class Turns(Callback):
     ) -> None:
         if trainer.current_epoch == 0:
             if len(self.bare.batches) < TURN:
-                inputs = batch if pl_module.is_frozen else pl_module.inputs(batch)
+                inputs = pl_module.inputs(batch)
                 self.bare.batches.append((inputs, batch["label"]))
             return
         now = time.perf_counter()

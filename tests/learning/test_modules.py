@@ -22,7 +22,6 @@ FIT = {
     "schedule": {"_target_": f"{SCHEDULES}.OneCycleLR", "_partial_": True},
     "label_smoothing": 0.0,
     "head_factor": 20.0,
-    "frozen": False,
 }
 SENSES = {
     "haptic": ["haptic"],
@@ -140,16 +139,6 @@ def test_the_fusion_layer_learns_twenty_times_as_fast_as_the_networks():
     assert {id(each) for each in head} == {
         id(each) for each in model.classifier.fusion.parameters()
     }
-
-
-def test_of_frozen_networks_the_fusion_layer_learns_alone():
-    model = module("fusion", frozen=True)
-    assert model.parameter_groups() == ([], list(model.fusion.parameters()))
-    assert not any(weight.requires_grad for weight in model.classifier.senses.parameters())
-    features = [torch.randn(4, size, 1) for size in model.fusion.sizes]
-    batch = {name: {"input": x} for name, x in zip(SENSES["fusion"], features, strict=True)}
-    expected = model.fusion.head(torch.cat(features, dim=1)[..., 0])
-    torch.testing.assert_close(model.scores(batch)[..., 0], expected)
 
 
 def test_fusion_keeps_the_statistics_of_batch_normalisation():

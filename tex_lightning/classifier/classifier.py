@@ -254,13 +254,9 @@ class SurfaceClassifier(nn.Module):
         return self._partial_logits(name, self.embedding(name, recording))
 
     def _partial_logits(self, name: str, features: Tensor) -> Tensor:
-        return self.project(name, self.fused_features(name, features))
-
-    def fused_features(self, name: str, features: Tensor) -> Tensor:
-        """Return what is fused of one sense, from its features (D, positions)."""
-        if self.embedding_layer(name) == self.level(name):
-            return features
-        return class_scores(self.senses[name].network, features)
+        if self.embedding_layer(name) != self.level(name):
+            features = class_scores(self.senses[name].network, features)
+        return self.project(name, features)
 
     def embedding(self, name: str, recording: Tensor) -> Tensor:
         """Compute the features (D, positions) of one sense that :attr:`statistics` describe.

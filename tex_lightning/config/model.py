@@ -89,15 +89,12 @@ class PhotoFitConfig(FitConfig):
 
 @dataclass
 class FusionFitConfig(FitConfig):
-    """Training of FusionNet, on inputs as large as the receptive fields if not ``frozen``."""
+    """Training of FusionNet, on inputs as large as the receptive fields."""
 
-    frozen: bool = key(
-        "train the fusion layer alone, on features of whole recordings; else the networks, too"
-    )
     head_factor: float = key(
         "learning rate of the fusion layer over that of the networks, as the paper", "[10, 50]"
     )
-    rotation: float = key("largest random rotation of photos, if not frozen", **ROTATION)
+    rotation: float = key("largest random rotation of photos", **ROTATION)
 
 
 @dataclass

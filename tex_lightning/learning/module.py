@@ -19,7 +19,6 @@ from tex_lightning.config import EngineConfig
 from tex_lightning.config.instantiation import build, call
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.contract import breach, calling, describe
-from tex_lightning.data.banks import InputBank
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
@@ -34,8 +33,7 @@ class SurfaceModule(LightningModule):
     """Train a :class:`SurfaceClassifier` on pieces of recordings.
 
     Every position of a piece is a fragment with the label of its recording. FusionNet learns on
-    tuples of fragments, one of each sense, all of one class; a batch of frozen networks holds
-    their features.
+    tuples of fragments, one of each sense, all of one class.
 
     Logged: ``train/loss`` (cross entropy per fragment, lower is better), the share of correct
     fragments as ``train/fragment_accuracy`` (higher is better), ``lr/backbone`` and ``lr/head``;
@@ -50,8 +48,6 @@ class SurfaceModule(LightningModule):
             single fragment where the network says how small that is.
 
     Attributes:
-        is_frozen: Whether the fusion layer alone learns.
-        embeddings: By sense the features that it then learns from.
         engine: Settings of the accelerated copy for validation; None uses none.
     """
 
@@ -61,13 +57,9 @@ class SurfaceModule(LightningModule):
         self.save_hyperparameters(kept, logger=False)
         self.classifier, self.kind = SurfaceClassifier(card), card.kind
         self.layout = training_layout(self.classifier)
-        self.is_frozen: bool = self.kind == FUSION and fit["frozen"] and fit["epochs"] > 0
-        self.embeddings: dict[str, InputBank] = {}
         if self.kind == FUSION:
             senses = self.classifier.senses.items()
             pieces = {name: sense.piece_size(pieces[name]) for name, sense in senses}
-            for _, sense in senses:
-                sense.network.requires_grad_(not self.is_frozen)
         else:
             self.network.to(memory_format=self.layout)
         self.fit_config, self.seed, self.pieces = fit, seed, pieces
@@ -129,16 +121,13 @@ class SurfaceModule(LightningModule):
         if self.kind == FUSION:
             senses = self.classifier.senses.values()
             networks = nn.ModuleList(sense.network for sense in senses)
-            backbone = [weight for weight in networks.parameters() if weight.requires_grad]
-            return backbone, list(self.fusion.parameters())
+            return list(networks.parameters()), list(self.fusion.parameters())
         backbone = list(getattr(self.network, "trunk", self.network).parameters())
         trunk = set(backbone)
         return backbone, [weight for weight in self.network.parameters() if weight not in trunk]
 
     def scores(self, batch: Batch) -> Tensor:
         """Return class scores (batch, classes, fragments or tuples) of a training batch."""
-        if self.is_frozen:
-            return self._fused(batch[name]["input"] for name in self.classifier.senses)
         inputs, senses = self.inputs(batch), self.classifier.senses.values()
         if self.kind == FUSION:
             levels = self.fusion.levels

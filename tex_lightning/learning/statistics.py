@@ -4,7 +4,7 @@ These are statistics of the features of every class, and on the validation fold 
 thresholds, and the novelties that set ``decision.unknown``.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, cast
 
@@ -17,7 +17,6 @@ from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.config import EngineConfig
 from tex_lightning.core.groups import leave_out
 from tex_lightning.core.progress import track
-from tex_lightning.data.banks import InputBank
 from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.recordings import Recording, Recordings, class_indices, plural
 from tex_lightning.data.store import Store, load_recording, load_sample
@@ -31,7 +30,6 @@ def keep_statistics(
     rows: Recordings,
     store: Store,
     engine: EngineConfig,
-    embeddings: Mapping[str, InputBank],
     *,
     frozen: bool,
 ) -> dict[str, list[float]]:
@@ -42,7 +40,6 @@ def keep_statistics(
         rows: The training recordings, which are not perturbed.
         store: Where they are decoded.
         engine: Settings of the accelerated copy that computes the features.
-        embeddings: By sense its features, as far as they are there.
         frozen: Whether nothing but layers in closed form was trained, so that texture features
             are those of any other classifier.
 
@@ -58,9 +55,7 @@ def keep_statistics(
         if frozen and scores_textures(sense.network):
             features = _texture_features(classifier, fast, name, recordings, store)
         else:
-            positions: Iterable[Tensor] = position_features(fast, name, recordings, store)
-            if name in embeddings and classifier.embedding_layer(name) == classifier.level(name):
-                positions = embeddings[name].inputs
+            positions = position_features(fast, name, recordings, store)
             features = torch.stack([embedding.mean(dim=1) for embedding in positions])
         statistics = FeatureStatistics.of(features, labels, len(classes))
         classifier.statistics[name] = statistics.to(classifier.device)
@@ -106,27 +101,6 @@ def _texture_features(
     network: Any = classifier.senses[name].network
     features: Tensor = network.trunk.layers[-1].standardised(torch.stack(raw).to(classifier.device))
     return features.cpu()
-
-
-def embedding_banks(
-    classifier: SurfaceClassifier, rows: Recordings, store: Store, engine: EngineConfig
-) -> dict[str, InputBank]:
-    """Compute the summands of a classifier's fusion layer at each position of its recordings.
-
-    Args:
-        classifier: On the device that computes the features; left in evaluation mode.
-        rows: The training recordings.
-        store: Where they are decoded.
-        engine: Settings of the accelerated copy that computes them.
-
-    Returns:
-        By sense features (D, positions) of every recording, of which one position is cut.
-    """
-    fast, banks = accelerate(classifier.eval(), engine), {}
-    for name, sense in classifier.senses.items():
-        features = position_features(fast, name, rows.of(sense.modality).rows, store)
-        banks[name] = InputBank((fast.fused_features(name, part) for part in features), 1)
-    return banks
 
 
 @torch.inference_mode()

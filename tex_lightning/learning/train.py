@@ -31,7 +31,7 @@ from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
 from tex_lightning.learning.module import SurfaceModule, start_fusion
 from tex_lightning.learning.start import start_network
-from tex_lightning.learning.statistics import complete_card, embedding_banks, keep_statistics
+from tex_lightning.learning.statistics import complete_card, keep_statistics
 from tex_lightning.learning.trainer import (
     ProgressBar,
     build_callbacks,
@@ -131,19 +131,12 @@ def _make_batches(
     if unimodal:
         start_fusion(module, unimodal, config.model.fusion.head_start)
     banks: dict[str, tuple[Bank, Indices]] = {}
-    if module.is_frozen:
-        module.embeddings = embedding_banks(
-            classifier.to(device), parts.train, store, config.engine
-        )
-        classifier.cpu()
     for name, sense in classifier.senses.items():
         rows = parts.train.of(sense.modality).rows
         labels = np.array(class_indices([row.label for row in rows], classifier.card.classes))
-        bank: Bank | None = module.embeddings.get(name)
-        if bank is None:
-            sense.features.to(device)
-            recipe, size = {**config.model.fit_values(name), **fit}, module.pieces[name]
-            bank = sense.bank(rows, store, recipe, size=size, seed=seed, learn=not unimodal)
+        sense.features.to(device)
+        recipe, size = {**config.model.fit_values(name), **fit}, module.pieces[name]
+        bank = sense.bank(rows, store, recipe, size=size, seed=seed, learn=not unimodal)
         banks[name] = bank, labels
     return TrainingBatches(banks, fit["batch_size"], seed)
 
@@ -222,10 +215,8 @@ def _complete(
 ) -> None:
     """Add statistics of the features, and to the card what is known once the weights are."""
     begin, classifier = time.perf_counter(), module.classifier.to(device)
-    frozen = module.is_frozen or not module.fit_config["epochs"]
-    left_out = keep_statistics(
-        classifier, parts.train, store, config.engine, module.embeddings, frozen=frozen
-    )
+    frozen = not module.fit_config["epochs"]
+    left_out = keep_statistics(classifier, parts.train, store, config.engine, frozen=frozen)
     fixed = all(start.card.training["left_out"] for start in unimodal.values())
     if not (frozen and fixed):  # layers before the scores know the recordings
         left_out = {}
