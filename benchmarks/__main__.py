@@ -14,7 +14,7 @@ from tex_lightning.config import flatten
 from tex_lightning.core.console import console
 
 FOREMOST = "ratio"
-LONG = ("accuracy", "digests", "faults", "hostile", "mutants", "mutations")  # by name
+LONG = ("accuracy", "adaptation", "digests", "faults", "hostile", "mutants", "mutations")  # by name
 
 
 def names() -> list[str]:

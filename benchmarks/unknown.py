@@ -10,6 +10,7 @@ The default needs the recordings of ``shared/data/lmt16`` beside the checkout.
 import json
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -17,10 +18,10 @@ import numpy as np
 
 import tex_lightning as tl
 from benchmarks._classifiers import configured
-from benchmarks.peers import REAL
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.errors import UserError
 
+REAL = Path(__file__).resolve().parents[2] / "shared" / "data" / "lmt16"
 DEFAULT = ("experiment=few/haptic", "data=folder", f"data.root={REAL}")
 DRAWS = 10
 HELD_OUT = 4  # classes of each draw

@@ -112,5 +112,5 @@ def test_one_sample_too_few_is_refused_and_one_more_is_not():
     features = model.senses["haptic"].features
     least = (HapticNet.min_size[1] - 1) * features.hop_length + features.window_length
     assert model.logits(haptic=noise()[:, :least]).shape == (4, 1)
-    with pytest.raises(UserError, match="record a longer stroke"):
+    with pytest.raises(UserError, match="experiment=few/haptic"):
         model.logits(haptic=noise()[:, : least - 1])
