@@ -168,7 +168,7 @@ class BandProportions(nn.Module):
         self.widths.append(sum(size for _, size in self.blocks) - before)
 
     def _note_windows(self, *_: object) -> None:
-        """Keep which windows are used, also after weights were loaded."""
+        """Note the windows that are used, also after weights were loaded."""
         shortest = self.lengths.index(min(self.lengths))
         fits = enumerate(self.fits.tolist())
         self.used = [number for number, fit in fits if fit or number == shortest]
@@ -371,7 +371,7 @@ def membership(frames: int, fragments: int, like: Tensor) -> Tensor:
 
 
 def octave_filters(sampling_rate: float, samples: int, per_octave: int) -> Tensor:
-    """Triangles even in the logarithm of frequency that take the mean power of each band.
+    """Return triangles, even in the logarithm of frequency, that average the power of each band.
 
     A triangle reaches to the centres of its neighbours, and at least to the neighbouring channels
     of the transform, so that every band has one; none has the constant part.
