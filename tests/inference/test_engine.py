@@ -13,7 +13,7 @@ from torch import nn
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
 from tex_lightning.inference import engine as response_norm
-from tex_lightning.inference.engine import FastResponseNorm, accelerate
+from tex_lightning.inference.engine import FastResponseNorm, accelerate, fold_batch_norm
 from tex_lightning.networks.blocks import response_norm as published
 
 OFF, DEFAULT = EngineConfig(fast=False, tile=None), EngineConfig(fast=True, tile=None)
@@ -119,3 +119,16 @@ def test_it_equals_pytorchs_for_every_shape_layout_and_piece(channels, size, sca
     finally:
         response_norm.PIECE = before
     torch.testing.assert_close(found, expected, rtol=2e-6, atol=0)
+
+
+def test_normalisation_is_folded_into_a_convolution_that_has_a_bias():
+    torch.manual_seed(0)
+    network = nn.Sequential(nn.Conv2d(2, 3, 3), nn.BatchNorm2d(3)).eval()
+    nn.init.uniform_(network[1].weight, 0.5, 2)
+    nn.init.normal_(network[1].running_mean)
+    nn.init.constant_(network[0].bias, 5)
+    x = torch.randn(1, 2, 6, 6)
+    expected = network(x)
+    fold_batch_norm(network)
+    assert isinstance(network[1], nn.Identity)
+    torch.testing.assert_close(network(x), expected)

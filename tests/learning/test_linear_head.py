@@ -10,7 +10,7 @@ from sklearn.model_selection import PredefinedSplit, cross_val_predict
 from tex_lightning.config import EngineConfig
 from tex_lightning.core.groups import leave_out
 from tex_lightning.learning.module import SurfaceModule
-from tex_lightning.learning.start import _view, fit_linear_head
+from tex_lightning.learning.start import FrozenTrunk, _view, fit_linear_head
 from tex_lightning.networks.linear import fit_temperature
 from tex_lightning.perturbations.table import Augmentation
 
@@ -106,3 +106,14 @@ def test_features_of_a_view_are_computed_once():
         next(other.network.trunk.parameters()).mul_(2)  # another trunk
     fit_linear_head(other, photos, labels, names(4), ENGINE)
     assert len(photos.kept) == 8
+
+
+def test_the_features_of_another_piece_of_a_photo_are_not_those_in_the_cache():
+    trunk = FrozenTrunk(module_of(3).classifier.eval(), "visual")
+    photos, _ = photos_of(3, 1, seed=1, size=(300, 340))
+    (photo,) = photos.recordings
+    views = {(0, 0): photo[:240, :240], (60, 100): photo[60:, 100:], (0, 1): photo[:240, 1:200]}
+    for corner, view in views.items():
+        found = trunk.kept(view, corner, photo, photos)
+        np.testing.assert_array_equal(found, trunk.mean(view))
+    assert len(photos.kept) == len(views)
