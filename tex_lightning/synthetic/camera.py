@@ -41,12 +41,14 @@ def render_photo(
         flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_WRAP,
     )
-    photo = cv2.GaussianBlur(photo, (0, 0), rng.uniform(0.4, 1.4)) * _falloff(rng, size)
+    photo = cv2.GaussianBlur(photo, (0, 0), rng.uniform(0.4, 1.4), dst=photo)
+    photo *= _falloff(rng, size)
     # The square root is the gamma curve; it also makes shot noise equal at all grey levels.
-    photo = cv2.sqrt(photo) * np.float32(255)
+    cv2.sqrt(photo, dst=photo)
+    photo *= 255
     noise = rng.standard_normal(photo.shape, dtype=np.float32)
-    photo = cv2.scaleAdd(noise, lighting["noise"], photo)
-    return np.clip(np.rint(photo, out=photo), 0, 255).astype(np.uint8)
+    cv2.scaleAdd(noise, lighting["noise"], photo, dst=photo)
+    return np.clip(np.rint(photo, out=photo), 0, 255, out=photo).astype(np.uint8)
 
 
 def _draw_view(
@@ -99,8 +101,10 @@ def _shade(specimen: Specimen, lighting: dict[str, Any]) -> Field:
     facing = np.maximum(_facing(specimen, tuple(halfway)) / length, 0)
     highlight = direct * np.float32(skin.gloss) * cv2.pow(facing, skin.shininess)
     shading = direct * lit + diffuse * specimen.occlusion
-    radiance: Field = specimen.albedo * shading[..., None] + highlight[..., None]
-    return radiance * lighting["colour"]
+    radiance: Field = specimen.albedo * shading[..., None]
+    radiance += highlight[..., None]
+    radiance *= lighting["colour"]
+    return radiance
 
 
 def _facing(specimen: Specimen, direction: tuple[float, ...]) -> Field:
