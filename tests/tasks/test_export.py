@@ -104,7 +104,7 @@ def test_a_file_that_says_something_else_is_not_written(cli, untrained, tmp_path
 
 @pytest.mark.parametrize(
     ("changes", "sentence"),
-    [({"resize": 256}, "brought to 256 pixels"), ({}, "needs onnx, which is not installed")],
+    [({"resize": 256}, "resized to 256 pixels"), ({}, "needs onnx, which is not installed")],
 )
 def test_what_cannot_be_exported(cli, tmp_path, monkeypatch, changes, sentence):
     if not changes:

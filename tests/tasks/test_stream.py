@@ -59,7 +59,7 @@ def test_samples_from_standard_input(cli, stream, tmp_path, monkeypatch):
     [
         ([], ["haptic=[a.wav,b.wav]"], "give one file"),
         ([], ["haptic=-", "sound=-"], "only one signal can be standard input"),
-        ([0] * 500, ["haptic=-"], "record a longer stroke"),
+        ([0] * 500, ["haptic=-"], "experiment=few/haptic"),
         ([], [], "give haptic=FILE, or haptic=-"),
         ([np.nan] * 500, ["haptic=-"], "NaN, infinity or a number beyond 1e+09 at sample 0"),
     ],

@@ -34,21 +34,23 @@ def render_photo(
     """
     view, turn = _draw_view(rng, size)
     lighting = _draw_lighting(rng, light, turn)
-    photo = cv2.warpPerspective(
+    photo: Any = cv2.warpPerspective(  # the stubs of OpenCV are wider
         _shade(specimen, lighting),
         view,
         size,
         flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_WRAP,
     )
-    photo = cv2.GaussianBlur(photo, (0, 0), rng.uniform(0.4, 1.4), dst=photo)
+    cv2.GaussianBlur(photo, (0, 0), rng.uniform(0.4, 1.4), dst=photo)
     photo *= _falloff(rng, size)
     # The square root is the gamma curve; it also makes shot noise equal at all grey levels.
     cv2.sqrt(photo, dst=photo)
     photo *= 255
-    noise = rng.standard_normal(photo.shape, dtype=np.float32)
+    noise: Any = rng.standard_normal(photo.shape, dtype=np.float32)
     cv2.scaleAdd(noise, lighting["noise"], photo, dst=photo)
-    return np.clip(np.rint(photo, out=photo), 0, 255, out=photo).astype(np.uint8)
+    np.clip(np.rint(photo, out=photo), 0, 255, out=photo)
+    pixels: NDArray[np.uint8] = photo.astype(np.uint8)
+    return pixels
 
 
 def _draw_view(
