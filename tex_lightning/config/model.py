@@ -77,7 +77,7 @@ class PhotoFitConfig(FitConfig):
 
     patch: int = key("side of a training patch", "[1, 2048]", unit="pixels")
     rotation: float = key("largest random rotation either way", **ROTATION)
-    augmentation: dict[str, Any] | None = key(
+    augmentation: Any = key(  # OmegaConf cannot merge a dictionary into a typed null
         "class that changes training patches (batch, 3, side, side) in [0, 1]", default=None
     )
     perturb: list[str] = key(PERTURB)
