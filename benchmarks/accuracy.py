@@ -61,11 +61,7 @@ def measure(
     data: str = "", out: str = "", only: str = "", choose: str = "", table: str = ""
 ) -> Node:
     """Run the cells that ``only`` names; return the score of each, and the choices."""
-    folder = data or os.environ.get("TEX_LIGHTNING_REAL_DATA", "")
-    if not folder or not Path(folder).is_dir():
-        raise UserError("Give the folder of data sets by --data=DIR or TEX_LIGHTNING_REAL_DATA.")
-    text = Path(table or Path(__file__).with_suffix(".yaml")).read_text(encoding="utf-8")
-    settings = yaml.safe_load(text.replace("$DATA", str(Path(folder).resolve())))
+    settings = read_table(data, table)
     target = Path(out) if out else RESULTS / "accuracy"
     (target / "cells").mkdir(parents=True, exist_ok=True)
     cells = [
@@ -81,6 +77,16 @@ def measure(
     figures = {".".join(result[name] for name in NAMES): shown(result) for result in results}
     candidates = list(dict.fromkeys(system for _, _, system in select(cells, choose)))
     return {**figures, **(choices(whole, candidates) if choose else {}), "in": str(target)}
+
+
+def read_table(data: str, table: str = "") -> Node:
+    """Return the settings of a table, with the folder of the data sets filled in."""
+    folder = data or os.environ.get("TEX_LIGHTNING_REAL_DATA", "")
+    if not folder or not Path(folder).is_dir():
+        raise UserError("Give the folder of data sets by --data=DIR or TEX_LIGHTNING_REAL_DATA.")
+    text = Path(table or Path(__file__).with_suffix(".yaml")).read_text(encoding="utf-8")
+    settings: Node = yaml.safe_load(text.replace("$DATA", str(Path(folder).resolve())))
+    return settings
 
 
 def select(cells: list[Cell], only: str) -> list[Cell]:
@@ -205,10 +211,7 @@ def run_package(overrides: list[str], rows: Rows, is_test: list[bool]) -> tuple[
 
 def run_log_bands(overrides: list[str], rows: Rows, is_test: list[bool]) -> tuple[Tested, float]:
     """Do the same with a ridge classifier on log-band energies and levels of every axis."""
-    decoder, signals = SignalDecoder(channels=configured(*overrides).data.channels), []
-    for row in rows:
-        trace, rate = read_trace(row.path, decoder, row.sampling_rate)
-        signals.append((cut_part(trace, row.part, row.path), rate))
+    signals = read_signals(rows, overrides)
     train = np.flatnonzero(np.logical_not(is_test))
     labels, groups = zip(*((rows[n].label, rows[n].group_key) for n in train), strict=True)
     left_out = leave_out(labels, groups) or None
@@ -222,6 +225,15 @@ def run_log_bands(overrides: list[str], rows: Rows, is_test: list[bool]) -> tupl
         predicted = str(model.predict([log_bands(*signals[n])])[0])
         tested.append((rows[n].label, predicted, 1000 * (time.perf_counter() - begin)))
     return tested, seconds
+
+
+def read_signals(rows: Rows, keys: Sequence[str]) -> list[tuple[np.ndarray[Any, Any], float]]:
+    """Return the samples (axes, samples) and rate in Hz of every recording, as ``keys`` decode."""
+    decoder, signals = SignalDecoder(channels=configured(*keys).data.channels), []
+    for row in rows:
+        trace, rate = read_trace(row.path, decoder, row.sampling_rate)
+        signals.append((cut_part(trace, row.part, row.path), rate))
+    return signals
 
 
 def log_bands(trace: np.ndarray[Any, Any], rate: float) -> np.ndarray[Any, Any]:

@@ -12,39 +12,43 @@ first half of the classes.
 
 from collections import defaultdict
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy
 import torch
-import yaml
 from torch import Tensor
 
 from benchmarks._classifiers import configured
-from benchmarks.accuracy import Rows, Tested, divide, read_rows, score, select
-from tex_lightning.data.decode import SignalDecoder, read_trace, to_rate
-from tex_lightning.data.recordings import cut_part
+from benchmarks.accuracy import (
+    Rows,
+    Tested,
+    divide,
+    read_rows,
+    read_signals,
+    read_table,
+    score,
+    select,
+)
+from tex_lightning.data.decode import to_rate
+from tex_lightning.data.own_defaults import PAPERS_RATE, SLOW_RATE
 from tex_lightning.networks.linear import LinearNet
 from tex_lightning.senses.features.proportions import BandProportions
 
 SPEEDS = (0.75, 4 / 3)
-SLOW_RATE = 500  # Hz, below which levels count, as in the package
-PAPERS_RATE = 10_000
 ROUNDS = 2
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
 Items = list[tuple[Tensor, int, str]]  # features (1, D, fragments), class and group
 
 
-def measure(data: str, only: str = "") -> dict[str, Any]:
+def measure(data: str = "", only: str = "") -> dict[str, Any]:
     """Return the score of every way, by data set and protocol."""
-    table = Path(__file__).with_name("accuracy.yaml").read_text(encoding="utf-8")
-    settings, figures = yaml.safe_load(table.replace("$DATA", str(Path(data).resolve()))), {}
+    settings, figures = read_table(data), {}
     sets = {name: x for name, x in settings["data"].items() if x["modality"] == "haptic"}
     cells = [(name, protocol, "") for name, x in sets.items() for protocol in x["protocols"]]
     for name, protocol, _ in select(cells, only):
         rows, tests = read_rows(sets[name]), defaultdict(list)
-        signals, rate = read_signals(rows, sets[name].get("keys", ()))
+        signals, rate = at_one_rate(rows, sets[name].get("keys", ()))
         for mask in divide(rows, settings["protocols"][protocol]):
             for way, tested in compare(rows, signals, rate, np.array(mask)).items():
                 tests[way] += tested
@@ -56,12 +60,9 @@ def measure(data: str, only: str = "") -> dict[str, Any]:
     return figures
 
 
-def read_signals(rows: Rows, keys: Sequence[str]) -> tuple[list[Tensor], float]:
+def at_one_rate(rows: Rows, keys: Sequence[str]) -> tuple[list[Tensor], float]:
     """Return the signals (axes, samples) at their highest rate in Hz, at most the paper's."""
-    decoder, read = SignalDecoder(channels=configured(*keys).data.channels), []
-    for row in rows:
-        trace, rate = read_trace(row.path, decoder, row.sampling_rate)
-        read.append((cut_part(trace, row.part, row.path), rate))
+    read = read_signals(rows, keys)
     highest = min(PAPERS_RATE, max(rate for _, rate in read))
     signals = [to_rate(trace.astype(np.float32), rate, highest, "") for trace, rate in read]
     return [torch.from_numpy(np.array(signal, np.float32)) for signal in signals], highest
@@ -88,13 +89,14 @@ def compare(rows: Rows, signals: list[Tensor], rate: float, is_test: Mask) -> di
     shift = torch.stack([item[0].mean(dim=-1, keepdim=True) for item in known]).mean(dim=0)
     half = np.array([labels[n] < len(names) / 2 for n in test])
     network = fitted(features, len(names), known)
+    plain = network(tested)
     ways = {
-        "plain": (network(tested), test),
+        "plain": (plain, test),
         "warp": (fitted(features, len(names), known + warped)(tested), test),
         "centred": (network(tested - tested.mean(dim=0) + shift), test),
-        "taught": (taught(features, len(names), known, tested), test),
-        "plain_half": (network(tested[half]), test[half]),
-        "taught_half": (taught(features, len(names), known, tested[half]), test[half]),
+        "taught": (taught(features, network, known, tested), test),
+        "plain_half": (plain[half], test[half]),
+        "taught_half": (taught(features, network, known, tested[half]), test[half]),
     }
     return {
         way: [(rows[n].label, names[c], 0.0) for n, c in zip(which, labels, strict=True)]
@@ -111,9 +113,9 @@ def fitted(features: BandProportions, classes: int, items: Items) -> LinearNet:
     return network
 
 
-def taught(features: BandProportions, classes: int, known: Items, tested: Tensor) -> Tensor:
+def taught(features: BandProportions, network: LinearNet, known: Items, tested: Tensor) -> Tensor:
     """Return the scores of tested recordings (recordings, 1, D, 1) that teach the network, too."""
-    found = fitted(features, classes, known)(tested)[..., 0]
+    found = network(tested)[..., 0]
     for part in range(1, ROUNDS + 1):
         best, labels = found.topk(2, dim=1).values, found.argmax(dim=1)
         items = list(known)
@@ -122,7 +124,7 @@ def taught(features: BandProportions, classes: int, known: Items, tested: Tensor
             certain = members[(best[members, 0] - best[members, 1]).argsort(descending=True)]
             count = -(-len(members) * part // (2 * ROUNDS))
             items += [(tested[n], label, f"tested {n}") for n in certain[:count].tolist()]
-        found = fitted(features, classes, items)(tested)[..., 0]
+        found = fitted(features, network.classes, items)(tested)[..., 0]
     return found[..., None]
 
 
