@@ -180,7 +180,7 @@ class ModelConfig:
     senses: list[str] = key(
         "haptic, visual, sound or a custom sense; several are trained, then fused"
     )
-    baseline: Any = key(  # as augmentation
+    baseline: Any = key(  # not a typed null, as PhotoFitConfig.augmentation
         "class of the baseline in place of a network, and its keys", default=None
     )
     budget: float = key("factor on the steps of a baseline or of a custom sense", "(0, 1000]")

@@ -79,7 +79,7 @@ def trace_quality(
 
 
 def _count_flat(axis: Array) -> int:
-    """Count the samples (samples,) that repeat the largest or smallest value, if they are many."""
+    """Count repetitions of the extremes of (samples,); 0 for few, or for a coarse digitisation."""
     extreme = (axis == axis.min()) | (axis == axis.max())
     flat = int((extreme[1:] & (axis[1:] == axis[:-1])).sum())
     if flat < MIN_FLAT or len(np.unique(axis)) < FINE_VALUES:  # sorting is slow, so it comes last
