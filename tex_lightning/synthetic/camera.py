@@ -1,5 +1,6 @@
 """Photos of a specimen: a hand-held camera, daylight or the light of a room."""
 
+from functools import lru_cache
 from typing import Any, Literal
 
 import cv2
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from tex_lightning.synthetic.specimen import TILE, Field, Specimen
 
 Light = Literal["daylight", "ambient"]
+_NOISE_STARTS = 1 << 20
 
 
 def render_photo(
@@ -46,7 +48,8 @@ def render_photo(
     # The square root is the gamma curve; it also makes shot noise equal at all grey levels.
     cv2.sqrt(photo, dst=photo)
     photo *= 255
-    noise: Any = rng.standard_normal(photo.shape, dtype=np.float32)
+    start = rng.integers(_NOISE_STARTS)
+    noise: Any = _noise(photo.size)[start : start + photo.size].reshape(photo.shape)
     cv2.scaleAdd(noise, lighting["noise"], photo, dst=photo)
     np.clip(np.rint(photo, out=photo), 0, 255, out=photo)
     pixels: NDArray[np.uint8] = photo.astype(np.uint8)
@@ -94,13 +97,12 @@ def _draw_lighting(rng: np.random.Generator, light: Light, turn: float) -> dict[
 def _shade(specimen: Specimen, lighting: dict[str, Any]) -> Field:
     """Give the linear radiance of the tile, shape (``TILE``, ``TILE``, 3)."""
     skin, direction = specimen.material.skin, lighting["direction"]
-    length = np.sqrt(1 + specimen.slope_x**2 + specimen.slope_y**2)
-    lit = np.maximum(_facing(specimen, direction) / length, 0) / np.float32(direction[2])
+    lit = _facing(specimen, direction) / np.float32(direction[2])
     direct = np.float32((1 - lighting["diffuse"]) * lighting["exposure"])
     diffuse = np.float32(lighting["diffuse"] * lighting["exposure"])
     halfway = np.add(direction, (0, 0, 1))
     halfway /= np.linalg.norm(halfway)
-    facing = np.maximum(_facing(specimen, tuple(halfway)) / length, 0)
+    facing = _facing(specimen, tuple(halfway))
     highlight = direct * np.float32(skin.gloss) * cv2.pow(facing, skin.shininess)
     shading = direct * lit + diffuse * specimen.occlusion
     radiance: Field = specimen.albedo * shading[..., None]
@@ -110,9 +112,19 @@ def _shade(specimen: Specimen, lighting: dict[str, Any]) -> Field:
 
 
 def _facing(specimen: Specimen, direction: tuple[float, ...]) -> Field:
-    """Multiply the (unnormalised) surface normals with a direction."""
+    """Multiply the surface normals with a direction; 0 where they point away from it."""
     x, y, z = np.asarray(direction, np.float32)
-    return z - x * specimen.slope_x - y * specimen.slope_y
+    facing = z - x * specimen.slope_x - y * specimen.slope_y
+    return np.maximum(facing / specimen.steepness, 0)
+
+
+@lru_cache(maxsize=1)
+def _noise(size: int) -> Field:
+    """Draw the noise that photos of ``size`` numbers are given a part of.
+
+    To draw it for every photo would take a third of the rendering.
+    """
+    return np.random.default_rng(0).standard_normal(size + _NOISE_STARTS, dtype=np.float32)
 
 
 def _falloff(rng: np.random.Generator, size: tuple[int, int]) -> Field:

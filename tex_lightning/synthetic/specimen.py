@@ -12,6 +12,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft  # in float32 twice as fast as NumPy's
 
 from tex_lightning.synthetic.materials import Material, ReliefSpec, Skin
 
@@ -38,8 +39,8 @@ def make_relief(spec: ReliefSpec) -> Field:
 def smooth(tile: Field, sigma: float) -> Field:
     """Average a relief tile over a Gaussian of deviation ``sigma`` mm, across its edges."""
     _, _, k = _frequencies(TILE, PITCH)
-    spectrum = np.fft.rfft2(tile) * np.exp(-0.5 * (2 * np.pi * sigma * k) ** 2)
-    return np.fft.irfft2(spectrum, tile.shape).astype(np.float32)
+    spectrum = fft.rfft2(tile) * np.exp(-0.5 * (2 * np.pi * sigma * k) ** 2)
+    return fft.irfft2(spectrum, tile.shape).astype(np.float32)
 
 
 def shaped_noise(
@@ -61,7 +62,7 @@ def shaped_noise(
     """
     amplitude = gain(*_frequencies(points, pitch))
     white = rng.standard_normal((points, points), dtype=np.float32)
-    return _scaled(np.fft.irfft2(np.fft.rfft2(white) * amplitude, white.shape), 1.0)
+    return _scaled(fft.irfft2(fft.rfft2(white) * amplitude, white.shape), 1.0)
 
 
 def _frequencies(points: int, pitch: float) -> tuple[Field, Field, Field]:
@@ -194,6 +195,11 @@ class Specimen:
     def slope_y(self) -> Field:
         """Derivative along y."""
         return _slope(self.height, axis=0)
+
+    @cached_property
+    def steepness(self) -> Field:
+        """Length of the normal whose third component is 1, at least 1."""
+        return np.sqrt(1 + self.slope_x**2 + self.slope_y**2)
 
     @cached_property
     def occlusion(self) -> Field:
