@@ -25,8 +25,8 @@ from tex_lightning.studies.timing import interleaved
 SETTINGS = ("OMP_WAIT_POLICY", "GOMP_SPINCOUNT", "KMP_BLOCKTIME", "OMP_NUM_THREADS")
 BUSY = (sys.executable, "-c", "while True: pass")
 SECONDS, RATE = 4.8, 10_000
-BATCH, SIZE = 32, (50, 200)  # spectrograms of 2 s in a training step
-LABELS, STEPS = 100, 20
+BATCH, SIZE = 8, (50, 256)  # spectrograms in a training step, as in the recipe
+LABELS, STEPS = 100, 60
 
 
 def measure(spins: str = "passive,100,300,1000,3000,10000", busy: str = "0,1,2") -> dict[str, Any]:

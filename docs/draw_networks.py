@@ -18,7 +18,7 @@ from torch import nn
 import tex_lightning as tl
 from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config
-from tex_lightning.inference.engine import count_macs
+from tex_lightning.core.devices import count_macs
 from tex_lightning.networks.geometry import layer_windows, receptive_field
 from tex_lightning.networks.trunks import TRUNKS
 from tex_lightning.report.table import markdown
@@ -93,7 +93,7 @@ def sizes() -> dict[str, list[list[str]]]:
     """Rows of the smaller networks, by the name of their table."""
     names = ("efficientnet_lite0", "efficientnet_lite2")
     with torch.device("meta"):
-        nets = {f"width {width:g}": tl.HapticNet(CLASSES, width=width) for width in (1, 0.5, 0.25)}
+        nets = {f"width {width:g}": tl.HapticNet(CLASSES, width=width) for width in (1, 0.5, 0.32)}
     return {
         "efficientnet": [_row(name, _texture_network(name), 3) for name in names],
         "sound": [_row(name, network, 1) for name, network in nets.items()],

@@ -58,10 +58,11 @@ _MODULES = {
 }
 
 # PyTorch's threads spin while they wait for each other, and beside another busy process they wait
-# for one that does not run: up to ten times as long. Sleeping costs an idle machine 5 to 20 %.
-# OpenMP reads this once, when PyTorch is imported.
+# for one that does not run: up to ten times as long. GNU's threads, which read the second, spin for
+# a moment before they sleep: of all settings tried it loses least, idle and busy (docs/scale.md).
+# OpenMP reads these once, when PyTorch is imported.
 if not {"OMP_WAIT_POLICY", "GOMP_SPINCOUNT", "KMP_BLOCKTIME"} & os.environ.keys():
-    os.environ["OMP_WAIT_POLICY"] = "PASSIVE"
+    os.environ |= {"OMP_WAIT_POLICY": "PASSIVE", "GOMP_SPINCOUNT": "3000"}
 
 
 def __getattr__(name: str) -> object:

@@ -5,6 +5,7 @@ from conftest import make_card, save_classifier
 
 from tex_lightning.classifier.classifier import SurfaceClassifier, content_seed
 from tex_lightning.classifier.vote import random_tuples
+from tex_lightning.core.devices import computing_threads, count_macs
 from tex_lightning.errors import UserError
 
 SENSES = {
@@ -62,6 +63,19 @@ def test_the_label_depends_on_the_sample_alone():
     for left, right in zip(forwards, backwards, strict=True):
         assert left.label == right.label
         assert torch.equal(left.fragments, right.fragments)
+
+
+def test_one_thread_computes_what_is_little(monkeypatch):
+    model, used = classifier("haptic"), []
+    model.network.trunk.register_forward_pre_hook(lambda *_: used.append(torch.get_num_threads()))
+    macs = model.macs("haptic", trace(2.4))
+    assert macs == count_macs(lambda: model.logits(haptic=trace(2.4)))
+    assert model.macs("haptic", trace(4.8)) == 2 * macs
+    with computing_threads(2):
+        model.classify(haptic=trace(2.4))
+        monkeypatch.setattr("tex_lightning.classifier.classifier.ONE_THREAD_MACS", macs)
+        model.classify(haptic=trace(2.4))
+    assert used[-2:] == [1, 2]
 
 
 @pytest.mark.parametrize("level", ["fc2", "fc3"])

@@ -20,17 +20,17 @@ from tex_lightning.classifier.card import Card, read_checkpoint, reading
 from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.classifier.vote import RULES, Vote, random_tuples
 from tex_lightning.config.model import FUSION
-from tex_lightning.core.devices import computing_threads
+from tex_lightning.core.devices import computing_threads, count_macs
 from tex_lightning.core.files import write_atomically
 from tex_lightning.errors import UserError
 from tex_lightning.networks.archives import SizeLimit, check_numbers
 from tex_lightning.networks.blocks import Head, Level, score_layer_of
 from tex_lightning.networks.fusionnet import FusionLayer
-from tex_lightning.networks.linear import LinearNet
 from tex_lightning.senses.base import Sense, content, make_sense
 
 PREFIX = "classifier."  # in the state of a LightningModule
 STATISTICS = "statistics."  # in its own
+ONE_THREAD_MACS = 100_000_000  # up to which one thread computes
 
 
 class SenseOutput(NamedTuple):
@@ -93,6 +93,7 @@ class SurfaceClassifier(nn.Module):
             self.fusion.remove_scores(networks)
         self.statistics = nn.ModuleDict()
         self.layers = {name: self._layers(name) for name in senses}
+        self.densities: dict[str, float] = {}  # multiply-accumulates for each number of an input
 
     @classmethod
     def from_checkpoint(cls, path: str | Path, kind: str | None = None) -> "SurfaceClassifier":
@@ -183,14 +184,8 @@ class SurfaceClassifier(nn.Module):
 
     @torch.inference_mode()
     def classify(self, **recordings: Tensor) -> Vote:
-        """Decide on one sample; arguments are those of :meth:`logits`.
-
-        Band features, a linear layer and the vote take so little time that a second thread costs
-        more than it saves, several times as much on a shared machine.
-        """
-        light = all(isinstance(sense.network, LinearNet) for sense in self.senses.values())
-        with computing_threads(1 if light else None):
-            outputs = self.sense_outputs(**recordings)
+        """Decide on one sample; arguments are those of :meth:`logits`."""
+        outputs = self.sense_outputs(**recordings)
         with computing_threads(1):
             return self.vote(outputs, 0 if self.fusion is None else self.seed(**recordings))
 
@@ -226,7 +221,25 @@ class SurfaceClassifier(nn.Module):
 
     def sense_output(self, name: str, recording: Tensor) -> SenseOutput:
         """Compute scores and novelty of a decoded recording by one sense, in one pass."""
-        return self.output_of(name, self.embedding(name, recording))
+        with computing_threads(self.threads(name, recording)):
+            return self.output_of(name, self.embedding(name, recording))
+
+    def threads(self, name: str, recording: Tensor) -> int | None:
+        """Return 1 where a second thread costs more than it saves, above all on a busy machine."""
+        counted = name in self.densities or self.senses[name].is_builtin
+        if self.device.type != "cpu" or not counted:
+            return None
+        return 1 if self.macs(name, recording) < ONE_THREAD_MACS else None
+
+    def macs(self, name: str, recording: Tensor) -> int:
+        """Return the multiply-accumulates of one sense, counted on the first recording.
+
+        They are taken as proportional to its size for others.
+        """
+        if name not in self.densities:
+            macs = count_macs(lambda: self.partial_logits(name, recording))
+            self.densities[name] = macs / recording.numel()
+        return max(1, round(self.densities[name] * recording.numel()))
 
     def output_of(self, name: str, features: Tensor) -> SenseOutput:
         """Compute scores and novelty from features (D, positions), see :meth:`embedding`."""

@@ -1,12 +1,13 @@
-"""Choice and properties of the device."""
+"""Choice and properties of the device, and how much it computes."""
 
 import ctypes
 import platform
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import torch
+from torch.utils.flop_counter import FlopCounterMode
 
 from tex_lightning.core.ranks import started_processes
 from tex_lightning.errors import UserError
@@ -99,3 +100,14 @@ def computing_threads(count: int | None = None) -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(before)
+
+
+def count_macs(function: Callable[[], object]) -> int:
+    """Count the multiply-accumulates of the convolutions and matrix products that a function runs.
+
+    PyTorch counts two operations for each; normalisation, pooling and Fourier transforms are not
+    counted.
+    """
+    with FlopCounterMode(display=False) as counter, torch.no_grad():
+        function()
+    return int(counter.get_total_flops()) // 2
