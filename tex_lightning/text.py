@@ -56,11 +56,8 @@ def render(template: Path, context: Mapping[str, Any]) -> str:
 
 def to_json(value: object) -> str:
     """Return JSON in readable letters; those that no terminal should get are escaped."""
-    return "".join(map(_escaped, json.dumps(value, ensure_ascii=False)))
-
-
-def _escaped(letter: str) -> str:
-    return letter if letter.isprintable() else json.dumps(letter)[1:-1]
+    letters = json.dumps(value, ensure_ascii=False)
+    return "".join(x if x.isprintable() else json.dumps(x)[1:-1] for x in letters)
 
 
 def to_cell(value: Any) -> Any:  # noqa: ANN401  (numbers stay as they are)

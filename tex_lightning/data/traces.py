@@ -220,7 +220,7 @@ def _cells(line: str) -> list[str]:
 def _find_time(names: list[list[str]], table: Array) -> tuple[int, float] | None:
     """Find index and unit in seconds of the column of time."""
     for row in names:
-        words = [_words(name) for name in row]
+        words = [re.findall(r"[^\W\d_]+", name.casefold()) for name in row]
         times = [index for index, name in enumerate(words) if name and name[0] in TIMES]
         if len(times) > 1:
             raise ValueError(f"it has {len(times)} columns of time; keep one")
@@ -234,10 +234,6 @@ def _find_time(names: list[list[str]], table: Array) -> tuple[int, float] | None
             return index, SECONDS[unit]
     rises = len(table) >= MIN_RISING and bool((np.diff(table[:, 0]) > 0).all())
     return (0, 1.0) if rises and table.shape[1] > 1 else None
-
-
-def _words(name: str) -> list[str]:
-    return re.findall(r"[^\W\d_]+", name.casefold())
 
 
 def _even_samples(path: Path, times: Array, samples: Array, unit: float) -> Table:
