@@ -13,8 +13,7 @@ from omegaconf import OmegaConf
 
 from benchmarks._classifiers import make_classifier
 from tex_lightning.config import CONF, EngineConfig
-from tex_lightning.core.devices import count_macs
-from tex_lightning.inference.engine import accelerate
+from tex_lightning.inference.engine import accelerate, count_macs
 from tex_lightning.studies.profile import gemm_gflops, products
 from tex_lightning.studies.timing import interleaved
 

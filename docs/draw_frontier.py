@@ -15,7 +15,7 @@ LABELS = {
     "hapticnet_w0.0625": ("HapticNet, width 0.0625", GREY),
     "hapticnet_w0.125": ("HapticNet, width 0.125", GREY),
     "hapticnet_w0.25": ("HapticNet, width 0.25", GREY),
-    "hapticnet_w0.5": ("HapticNet, default", "#1f6fb2"),
+    "hapticnet_w0.5": ("HapticNet, width 0.5", "#1f6fb2"),
     "mfcc_gmm": ("MFCC + GMM", GREY),
     "mfcc_nb": ("MFCC + naive Bayes", GREY),
     "minirocket_1000": ("MiniRocket, 1000 kernels", GREY),

@@ -18,7 +18,7 @@ from torch import nn
 import tex_lightning as tl
 from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config
-from tex_lightning.core.devices import count_macs
+from tex_lightning.inference.engine import count_macs
 from tex_lightning.networks.geometry import layer_windows, receptive_field
 from tex_lightning.networks.trunks import TRUNKS
 from tex_lightning.report.table import markdown

@@ -5,7 +5,7 @@ from conftest import make_card, save_classifier
 
 from tex_lightning.classifier.classifier import SurfaceClassifier, content_seed
 from tex_lightning.classifier.vote import random_tuples
-from tex_lightning.core.devices import computing_threads, count_macs
+from tex_lightning.core.devices import computing_threads
 from tex_lightning.errors import UserError
 
 SENSES = {
@@ -68,14 +68,13 @@ def test_the_label_depends_on_the_sample_alone():
 def test_one_thread_computes_what_is_little(monkeypatch):
     model, used = classifier("haptic"), []
     model.network.trunk.register_forward_pre_hook(lambda *_: used.append(torch.get_num_threads()))
-    macs = model.macs("haptic", trace(2.4))
-    assert macs == count_macs(lambda: model.logits(haptic=trace(2.4)))
-    assert model.macs("haptic", trace(4.8)) == 2 * macs
+    weights = sum(values.numel() for values in model.network.parameters())
+    monkeypatch.setattr("tex_lightning.classifier.classifier.ONE_THREAD", weights * 30_000)
     with computing_threads(2):
-        model.classify(haptic=trace(2.4))
-        monkeypatch.setattr("tex_lightning.classifier.classifier.ONE_THREAD_MACS", macs)
-        model.classify(haptic=trace(2.4))
-    assert used[-2:] == [1, 2]
+        model.classify(haptic=trace(2.9))
+        model.classify(haptic=trace(2.9).expand(3, -1))  # which are read as one
+        model.classify(haptic=trace(3.0))
+    assert used == [1, 1, 2]
 
 
 @pytest.mark.parametrize("level", ["fc2", "fc3"])

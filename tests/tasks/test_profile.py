@@ -10,7 +10,7 @@ import pytest
 import torch
 from torch import nn
 
-from tex_lightning.core.devices import count_macs
+from tex_lightning.inference.engine import count_macs
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.studies.profile import (
     WindowNet,

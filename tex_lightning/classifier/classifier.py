@@ -20,7 +20,7 @@ from tex_lightning.classifier.card import Card, read_checkpoint, reading
 from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.classifier.vote import RULES, Vote, random_tuples
 from tex_lightning.config.model import FUSION
-from tex_lightning.core.devices import computing_threads, count_macs
+from tex_lightning.core.devices import computing_threads
 from tex_lightning.core.files import write_atomically
 from tex_lightning.errors import UserError
 from tex_lightning.networks.archives import SizeLimit, check_numbers
@@ -30,7 +30,7 @@ from tex_lightning.senses.base import Sense, content, make_sense
 
 PREFIX = "classifier."  # in the state of a LightningModule
 STATISTICS = "statistics."  # in its own
-ONE_THREAD_MACS = 100_000_000  # up to which one thread computes
+ONE_THREAD = 40_000_000_000  # weights times samples or pixels: about 100 million products
 
 
 class SenseOutput(NamedTuple):
@@ -93,7 +93,6 @@ class SurfaceClassifier(nn.Module):
             self.fusion.remove_scores(networks)
         self.statistics = nn.ModuleDict()
         self.layers = {name: self._layers(name) for name in senses}
-        self.densities: dict[str, float] = {}  # multiply-accumulates for each number of an input
 
     @classmethod
     def from_checkpoint(cls, path: str | Path, kind: str | None = None) -> "SurfaceClassifier":
@@ -225,21 +224,14 @@ class SurfaceClassifier(nn.Module):
             return self.output_of(name, self.embedding(name, recording))
 
     def threads(self, name: str, recording: Tensor) -> int | None:
-        """Return 1 where a second thread costs more than it saves, above all on a busy machine."""
-        counted = name in self.densities or self.senses[name].is_builtin
-        if self.device.type != "cpu" or not counted:
-            return None
-        return 1 if self.macs(name, recording) < ONE_THREAD_MACS else None
+        """Return 1 where a second thread costs more than it saves, above all on a busy machine.
 
-    def macs(self, name: str, recording: Tensor) -> int:
-        """Return the multiply-accumulates of one sense, counted on the first recording.
-
-        They are taken as proportional to its size for others.
+        What there is to compute grows with the weights times the places that they are applied to.
         """
-        if name not in self.densities:
-            macs = count_macs(lambda: self.partial_logits(name, recording))
-            self.densities[name] = macs / recording.numel()
-        return max(1, round(self.densities[name] * recording.numel()))
+        weights = sum(values.numel() for values in self.senses[name].network.parameters())
+        places = recording.numel() // max(1, min(recording.shape))
+        little = 0 < weights * places < ONE_THREAD
+        return 1 if little and self.device.type == "cpu" else None
 
     def output_of(self, name: str, features: Tensor) -> SenseOutput:
         """Compute scores and novelty from features (D, positions), see :meth:`embedding`."""

@@ -1,13 +1,12 @@
-"""Choice and properties of the device, and how much it computes."""
+"""Choice and properties of the device."""
 
 import ctypes
 import platform
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import torch
-from torch.utils.flop_counter import FlopCounterMode
 
 from tex_lightning.core.ranks import started_processes
 from tex_lightning.errors import UserError
@@ -100,14 +99,3 @@ def computing_threads(count: int | None = None) -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(before)
-
-
-def count_macs(function: Callable[[], object]) -> int:
-    """Count the multiply-accumulates of the convolutions and matrix products that a function runs.
-
-    PyTorch counts two operations for each; normalisation, pooling and Fourier transforms are not
-    counted.
-    """
-    with FlopCounterMode(display=False) as counter, torch.no_grad():
-        function()
-    return int(counter.get_total_flops()) // 2

@@ -21,7 +21,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.vote import Vote
 from tex_lightning.config import DecisionConfig, EngineConfig
 from tex_lightning.errors import UserError
-from tex_lightning.inference.engine import Costs, accelerate
+from tex_lightning.inference.engine import Costs, accelerate, count_macs
 from tex_lightning.senses.base import Sense
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures, movement_start
 
@@ -101,6 +101,7 @@ class SequentialClassifier(SurfaceClassifier):
         self.card = classifier.card
         self.full = classifier
         self.costs = Costs(classifier.card)
+        self.densities: dict[str, float] = {}  # multiply-accumulates for each number of an input
         self.threshold = config.confidence_threshold
 
     @property
@@ -162,10 +163,13 @@ class SequentialClassifier(SurfaceClassifier):
     def _cost(self, sense: Sense, recording: Tensor) -> int:
         """Count the multiply-accumulates of one sense, of a recording that is large enough.
 
-        Of a network that does not say what it makes of a recording they are those of the first one,
-        in proportion: computing tells, but costs as much.
+        Of a network that does not say what it makes of a recording they are counted on the first
+        one, and taken as proportional to its size for others: computing tells, but costs as much.
         """
         if sense.knows_min_size:
             sense.check(recording)
             return self.costs.of(sense.name, *sense.input_size(recording))
-        return self.full.macs(sense.name, recording)
+        if sense.name not in self.densities:
+            macs = count_macs(lambda: self.full.partial_logits(sense.name, recording))
+            self.densities[sense.name] = macs / recording.numel()
+        return max(1, round(self.densities[sense.name] * recording.numel()))

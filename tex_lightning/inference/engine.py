@@ -4,17 +4,17 @@ Layers are rewritten by exact algebra, so that only the rounding of float32 diff
 :class:`Costs` counts the multiply-accumulates of a decision before it is made.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from copy import deepcopy
 from functools import lru_cache
 
 import torch
 from torch import Tensor, nn
+from torch.utils.flop_counter import FlopCounterMode
 
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
-from tex_lightning.core.devices import count_macs
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 PIECE = 1 << 18  # elements; with two float32 buffers of this size the cache is not exceeded
@@ -133,6 +133,17 @@ def _rewrite(network: nn.Module) -> None:
             if isinstance(layer, nn.LocalResponseNorm):
                 layers[place] = FastResponseNorm(layer)
     network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # no stub
+
+
+def count_macs(function: Callable[[], object]) -> int:
+    """Count the multiply-accumulates of the convolutions and matrix products that a function runs.
+
+    PyTorch counts two operations for each; normalisation, pooling and Fourier transforms are not
+    counted.
+    """
+    with FlopCounterMode(display=False) as counter, torch.no_grad():
+        function()
+    return int(counter.get_total_flops()) // 2
 
 
 class Costs:

@@ -7,7 +7,7 @@ from typing import Any
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
-from tex_lightning.core.devices import count_macs, pick_device
+from tex_lightning.core.devices import pick_device
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store, Unusable, load_sample, skipped_entry
 from tex_lightning.evaluation.calibration import calibration
@@ -22,6 +22,7 @@ from tex_lightning.evaluation.outcomes import (
     write_outcomes,
 )
 from tex_lightning.inference.early_stopping import make_inference_model
+from tex_lightning.inference.engine import count_macs
 from tex_lightning.inference.prediction import warn_of_few
 from tex_lightning.report.figures import calibration_figure, confusion_figure, save_figure
 

@@ -15,9 +15,8 @@ from torch import Tensor, nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig, ProfileConfig
-from tex_lightning.core.devices import count_macs
 from tex_lightning.data.decode import Array, SignalDecoder, to_rate
-from tex_lightning.inference.engine import accelerate
+from tex_lightning.inference.engine import accelerate, count_macs
 from tex_lightning.senses.base import Sense
 from tex_lightning.studies.timing import Timing, interleaved, waiting
 from tex_lightning.synthetic import make_materials
