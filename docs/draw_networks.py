@@ -93,7 +93,7 @@ def sizes() -> dict[str, list[list[str]]]:
     """Rows of the smaller networks, by the name of their table."""
     names = ("efficientnet_lite0", "efficientnet_lite2")
     with torch.device("meta"):
-        nets = {f"width {width:g}": tl.HapticNet(CLASSES, width=width) for width in (1, 0.5, 0.32)}
+        nets = {f"width {width:g}": tl.HapticNet(CLASSES, width=width) for width in (1, 0.48, 0.25)}
     return {
         "efficientnet": [_row(name, _texture_network(name), 3) for name in names],
         "sound": [_row(name, network, 1) for name, network in nets.items()],

@@ -30,7 +30,7 @@ from tex_lightning.senses.base import Sense, content, make_sense
 
 PREFIX = "classifier."  # in the state of a LightningModule
 STATISTICS = "statistics."  # in its own
-ONE_THREAD = 40_000_000_000  # weights times samples or pixels: about 100 million products
+ONE_THREAD = 60_000_000_000  # weights times samples or pixels: about 200 million products
 
 
 class SenseOutput(NamedTuple):
