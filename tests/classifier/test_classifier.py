@@ -72,7 +72,7 @@ def test_one_thread_computes_what_is_little(monkeypatch):
     monkeypatch.setattr("tex_lightning.classifier.classifier.ONE_THREAD", weights * 30_000)
     with computing_threads(2):
         model.classify(haptic=trace(2.9))
-        model.classify(haptic=trace(2.9).expand(3, -1))  # which are read as one
+        model.classify(haptic=trace(2.9).expand(3, -1))  # joined before the network
         model.classify(haptic=trace(3.0))
     assert used == [1, 1, 2]
 

@@ -228,7 +228,7 @@ class SurfaceClassifier(nn.Module):
 
         What there is to compute grows with the weights times the places that they are applied to.
         """
-        weights = sum(values.numel() for values in self.senses[name].network.parameters())
+        weights = sum(values.numel() for values in self.senses[name].parameters())
         places = recording.numel() // max(1, min(recording.shape))
         little = 0 < weights * places < ONE_THREAD
         return 1 if little and self.device.type == "cpu" else None
