@@ -1,4 +1,4 @@
-"""How PyTorch's threads wait for each other: a label and a training step of HapticNet.
+"""How PyTorch's threads wait for each other: labels of a trace and a photo, a step of HapticNet.
 
 ``python -m benchmarks threads --spins=passive,300,1000,3000 --busy=0,1,2``
 
@@ -26,7 +26,8 @@ SETTINGS = ("OMP_WAIT_POLICY", "GOMP_SPINCOUNT", "KMP_BLOCKTIME", "OMP_NUM_THREA
 BUSY = (sys.executable, "-c", "while True: pass")
 SECONDS, RATE = 4.8, 10_000
 BATCH, SIZE = 8, (50, 256)  # spectrograms in a training step, as in the recipe
-LABELS, STEPS = 100, 60
+PHOTO = (480, 640, 3)
+LABELS, STEPS = 60, 40
 
 
 def measure(spins: str = "passive,100,300,1000,3000,10000", busy: str = "0,1,2") -> dict[str, Any]:
@@ -60,8 +61,13 @@ def _here() -> dict[str, float]:
     keep_memory()
     plain = make_classifier("model=haptic")
     quick, trace = accelerate(plain, DEFAULT), torch.randn(1, round(SECONDS * RATE))
+    seeing, photo = accelerate(make_classifier("model=visual"), DEFAULT), torch.zeros(PHOTO).byte()
+    labels = {
+        "label": lambda: quick.classify(haptic=trace),
+        "photo": lambda: seeing.classify(image=photo),
+    }
     with torch.inference_mode():
-        label = interleaved({"label": lambda: quick.classify(haptic=trace)}, LABELS, warm_up=10)
+        label = interleaved(labels, LABELS, warm_up=10)
     network, batch = plain.network.train(), torch.randn(BATCH, 1, *SIZE)
     optimiser = torch.optim.SGD(network.parameters(), lr=1e-3)
 
