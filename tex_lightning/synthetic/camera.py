@@ -44,16 +44,13 @@ def render_photo(
         borderMode=cv2.BORDER_WRAP,
     )
     cv2.GaussianBlur(photo, (0, 0), rng.uniform(0.4, 1.4), dst=photo)
-    photo *= _falloff(rng, size)
+    photo.reshape(len(photo), -1)[:] *= _falloff(rng, size)
     # The square root is the gamma curve; it also makes shot noise equal at all grey levels.
     cv2.sqrt(photo, dst=photo)
-    photo *= 255
     start = rng.integers(_NOISE_STARTS)
-    noise: Any = _noise(photo.size)[start : start + photo.size].reshape(photo.shape)
-    cv2.scaleAdd(noise, lighting["noise"], photo, dst=photo)
-    np.clip(np.rint(photo, out=photo), 0, 255, out=photo)
-    pixels: NDArray[np.uint8] = photo.astype(np.uint8)
-    return pixels
+    noise = _noise(photo.size)[start : start + photo.size].reshape(photo.shape)
+    pixels: Any = cv2.addWeighted(noise, lighting["noise"], photo, 255, 0, dtype=cv2.CV_8U)
+    return np.asarray(pixels, np.uint8)
 
 
 def _draw_view(
@@ -82,10 +79,13 @@ def _draw_lighting(rng: np.random.Generator, light: Light, turn: float) -> dict[
     elevation = np.deg2rad(rng.uniform(30, 55) if daylight else rng.uniform(45, 70))
     cast = (0.95, 1.0, 1.06) if daylight else (1.12, 1.0, 0.84)
     return dict(
-        direction=(
-            float(np.cos(elevation) * np.cos(azimuth)),
-            float(np.cos(elevation) * np.sin(azimuth)),
-            float(np.sin(elevation)),
+        direction=np.array(
+            (
+                np.cos(elevation) * np.cos(azimuth),
+                np.cos(elevation) * np.sin(azimuth),
+                np.sin(elevation),
+            ),
+            np.float32,
         ),
         diffuse=rng.uniform(0.25, 0.4) if daylight else rng.uniform(0.5, 0.65),
         colour=(np.array(cast) * rng.normal(1, 0.02, 3)).astype(np.float32),
@@ -100,22 +100,19 @@ def _shade(specimen: Specimen, lighting: dict[str, Any]) -> Field:
     lit = _facing(specimen, direction) / np.float32(direction[2])
     direct = np.float32((1 - lighting["diffuse"]) * lighting["exposure"])
     diffuse = np.float32(lighting["diffuse"] * lighting["exposure"])
-    halfway = np.add(direction, (0, 0, 1))
+    halfway = direction + np.array((0, 0, 1), np.float32)
     halfway /= np.linalg.norm(halfway)
-    facing = _facing(specimen, tuple(halfway))
+    facing = _facing(specimen, halfway)
     highlight = direct * np.float32(skin.gloss) * cv2.pow(facing, skin.shininess)
     shading = direct * lit + diffuse * specimen.occlusion
-    radiance: Field = specimen.albedo * shading[..., None]
-    radiance += highlight[..., None]
-    radiance *= lighting["colour"]
-    return radiance
+    lights = zip(specimen.albedo, lighting["colour"], strict=True)
+    return np.asarray(cv2.merge([(plane * shading + highlight) * tint for plane, tint in lights]))
 
 
-def _facing(specimen: Specimen, direction: tuple[float, ...]) -> Field:
+def _facing(specimen: Specimen, direction: NDArray[np.float32]) -> Field:
     """Multiply the surface normals with a direction; 0 where they point away from it."""
-    x, y, z = np.asarray(direction, np.float32)
-    facing = z - x * specimen.slope_x - y * specimen.slope_y
-    return np.maximum(facing / specimen.steepness, 0)
+    x, y, z = specimen.normals
+    return np.maximum(direction[0] * x + direction[1] * y + direction[2] * z, 0)
 
 
 @lru_cache(maxsize=1)
@@ -128,9 +125,9 @@ def _noise(size: int) -> Field:
 
 
 def _falloff(rng: np.random.Generator, size: tuple[int, int]) -> Field:
-    """Let the light fade across the picture, shape (height, width, 1)."""
+    """Let the light fade across the picture, shape (height, width * 3)."""
     width, height = size
     across, down = rng.uniform(-0.15, 0.15, 2)
-    x = np.linspace(-across, across, width, dtype=np.float32)[None, :, None]
-    y = np.linspace(-down, down, height, dtype=np.float32)[:, None, None]
-    return 1 + x + y
+    x = np.linspace(-across, across, width, dtype=np.float32)
+    y = np.linspace(-down, down, height, dtype=np.float32)
+    return np.repeat(1 + x, 3) + y[:, None]

@@ -187,19 +187,13 @@ class Specimen:
         return make_relief(self.material.relief)
 
     @cached_property
-    def slope_x(self) -> Field:
-        """Derivative of the height along x, same shape, without unit."""
-        return _slope(self.height, axis=1)
-
-    @cached_property
-    def slope_y(self) -> Field:
-        """Derivative along y."""
-        return _slope(self.height, axis=0)
-
-    @cached_property
-    def steepness(self) -> Field:
-        """Length of the normal whose third component is 1, at least 1."""
-        return np.sqrt(1 + self.slope_x**2 + self.slope_y**2)
+    def normals(self) -> Field:
+        """Unit vectors across the surface, shape (3, ``TILE``, ``TILE``): along x, y and up."""
+        normals = np.stack(
+            (-_slope(self.height, axis=1), -_slope(self.height, axis=0), np.ones_like(self.height))
+        )
+        normals /= np.sqrt(np.sum(normals**2, axis=0))
+        return normals
 
     @cached_property
     def occlusion(self) -> Field:
@@ -211,15 +205,15 @@ class Specimen:
 
     @cached_property
     def albedo(self) -> Field:
-        """Reflectance, shape (``TILE``, ``TILE``, 3), linear red, green, blue."""
+        """Reflectance, shape (3, ``TILE``, ``TILE``), linear red, green, blue."""
         skin = self.material.skin
         rng = np.random.default_rng([skin.seed, 2])
-        weight = _pattern(self.height, skin, rng)[..., None]
-        mottle = shaped_noise(rng, TILE, PITCH, lambda _, __, k: np.exp(-1.5 * np.log(0.2 + k)))
-        ground = np.asarray(skin.colour, np.float32)
-        accent = np.asarray(skin.accent, np.float32)
-        mixed = ground + weight * (accent - ground)
-        return np.clip(mixed * (1 + np.float32(0.05) * mottle[..., None]), 0, 1)
+        weight = _pattern(self.height, skin, rng)
+        mottle = shaped_noise(rng, TILE, PITCH, lambda _, __, k: (0.2 + k) ** -1.5)
+        mottle = 1 + np.float32(0.05) * mottle
+        colours = np.array([skin.colour, skin.accent], np.float32).T
+        mixed = [(ground + weight * (accent - ground)) * mottle for ground, accent in colours]
+        return np.clip(mixed, 0, 1)
 
     @cached_property
     def contact_height(self) -> Field:
