@@ -63,10 +63,7 @@ class HapticNet(nn.Module):
         source, final = 1, scaled(FINAL_CHANNELS, width)
         for index, channels in enumerate(CHANNELS):
             target = scaled(channels, width)
-            conv, *rest = conv_block(source, target, 3, norm=norm, padding=1)
-            # ReLU commutes with the maximum, and pooling first leaves it, and batch normalisation,
-            # a quarter of the elements.
-            layers += [conv, POOL.max_pool(), *rest]
+            layers += conv_block(source, target, 3, norm=norm, padding=1, pool=POOL)
             if index == 0:
                 layers += response_norm(norm)
             source = target

@@ -23,16 +23,25 @@ def caffe_conv123(channels: tuple[int, ...], norm: Norm) -> OrderedDict[str, nn.
 
     Args:
         channels: Channel counts of conv1, conv2 and conv3.
-        norm: "lrn" is the published network.
+        norm: "lrn" is the published network; "batch" normalises what is pooled already.
     """
     one, two, three = channels
+    early = CAFFE_POOL if norm == "batch" else None
+    kernel, stride = CAFFE_CONV1.kernel, CAFFE_CONV1.stride
     return OrderedDict(
-        conv1=conv_block(3, one, CAFFE_CONV1.kernel, norm=norm, stride=CAFFE_CONV1.stride),
-        pool1=nn.Sequential(*response_norm(norm), CAFFE_POOL.max_pool()),
-        conv2=conv_block(one, two, 5, norm=norm, padding=2, groups=2),
-        pool2=nn.Sequential(*response_norm(norm), CAFFE_POOL.max_pool()),
+        conv1=conv_block(3, one, kernel, norm=norm, stride=stride, pool=early),
+        pool1=_late_pool(norm),
+        conv2=conv_block(one, two, 5, norm=norm, padding=2, groups=2, pool=early),
+        pool2=_late_pool(norm),
         conv3=conv_block(two, three, 3, norm=norm, padding=1),
     )
+
+
+def _late_pool(norm: Norm) -> nn.Sequential:
+    """Return what follows a block whose pooling is not inside."""
+    if norm == "batch":
+        return nn.Sequential()
+    return nn.Sequential(*response_norm(norm), CAFFE_POOL.max_pool())
 
 
 class CaffeAlexNet(Trunk):
@@ -52,8 +61,9 @@ class CaffeAlexNet(Trunk):
         *early, four, five = caffe_channels(self.width)
         layers = caffe_conv123(tuple(early), self.norm)
         layers["conv4"] = conv_block(early[-1], four, 3, norm=self.norm, padding=1, groups=2)
-        layers["conv5"] = conv_block(four, five, 3, norm=self.norm, padding=1, groups=2)
-        layers["pool5"] = CAFFE_POOL.max_pool()
+        layers["conv5"] = conv_block(
+            four, five, 3, norm=self.norm, padding=1, groups=2, pool=CAFFE_POOL
+        )
         self.out_channels = five
         return nn.Sequential(layers)
 
