@@ -92,6 +92,8 @@ def sentence(line: str) -> bool:
 
 
 def _child(folder: Path) -> None:
+    import tex_lightning.tasks.fit  # noqa: F401  # Lightning is not the memory of a file
+
     out = os.fdopen(os.dup(1), "w")
     listed = list(commands(folder))
     limit_memory()

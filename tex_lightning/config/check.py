@@ -163,7 +163,7 @@ def _task_rules(config: Config) -> Iterator[Rule]:
         yield (
             value not in (None, []) and value is not False and task not in tasks,
             f"{key} is read by {', '.join(f'task={name}' for name in tasks)} alone, not by "
-            f"task={task}: leave it out",
+            f"task={shorten(task)}: leave it out",
         )
     yield config.frontier.senses == [], "frontier.senses names nothing: leave it null"
     yield (
