@@ -76,7 +76,7 @@ def test_a_group_is_any_text_and_a_number_counts_inside_its_class(tmp_path):
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
-        ("label,path\n", "lacks the column modality, group"),
+        ("label,path\n", "has no column modality or group"),
         (HEADER, "lists no recordings"),
         (HEADER + "w,two words,a.wav,0\n", "line 2 has modality 'two words'; give one word"),
         (HEADER + "w,haptic,a.wav,\n", "group ''; give a text, such as a session"),

@@ -235,7 +235,7 @@ def read_manifest(path: Path) -> Recordings:
         ) from error
     if missing := [column for column in COLUMNS if column not in names]:
         raise UserError(
-            f"Manifest {path} lacks the column {', '.join(missing)}; its first line must name "
+            f"Manifest {path} has no column {' or '.join(missing)}; its first line must name "
             f"{','.join(COLUMNS)}."
         )
     rows = [_read_line(path.parent, line) for line in lines.values()]
