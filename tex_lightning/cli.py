@@ -3,7 +3,9 @@
 PyTorch is imported once the command line is known to be right.
 """
 
+import atexit
 import errno
+import gc
 import json
 import logging
 import os
@@ -35,6 +37,7 @@ from tex_lightning.config.usage import answer, asks
 from tex_lightning.core.console import Screen, say, verbosity
 from tex_lightning.core.contract import fault_of
 from tex_lightning.core.files import UNWRITABLE, unwritable
+from tex_lightning.core.importing import quick_import
 from tex_lightning.core.progress import finishing
 from tex_lightning.core.ranks import is_rank_zero, started_processes, suppress_output
 from tex_lightning.core.run_folder import claim_folder, find_checkpoint, holds_work, locked_folder
@@ -152,6 +155,7 @@ def main() -> int:
     """Run the command line and return its exit status."""
     # Hydra then raises its errors instead of printing and exiting with status 1
     os.environ["HYDRA_FULL_ERROR"] = "1"
+    atexit.register(gc.freeze)  # to look through all modules for garbage takes half a second
     STARTED.clear()
     arguments = sys.argv[1:]
     try:
@@ -282,7 +286,9 @@ def _run_in_folder(config: Config, composed: DictConfig, job: Job) -> dict[str, 
         if is_rank_zero():
             claim_folder(composed, flatten(plain_values(config)), job)
         # a task is imported when it runs: most take Lightning, which predictions do without
-        results = import_module(f"tex_lightning.tasks.{config.task}").run(config, job) or {}
+        with quick_import():
+            task = import_module(f"tex_lightning.tasks.{config.task}")
+        results = task.run(config, job) or {}
         if results and locked:
             from tex_lightning.report.page import write_report
 
@@ -296,9 +302,10 @@ def _set_devices(config: Config, job: Job) -> None:
     The layers of a short chunk of a stream are so small that a second thread only costs time. A
     user's ``OMP_NUM_THREADS`` is left as it is.
     """
-    import torch
+    with quick_import():
+        import torch
 
-    from tex_lightning.core.devices import count_processes, keep_memory, use_tf32
+        from tex_lightning.core.devices import count_processes, keep_memory, use_tf32
 
     threads = config.trainer.threads
     if threads is None and config.task == "stream":

@@ -130,8 +130,9 @@ def training_ranges(rows: Iterable[Recording], store: Store) -> dict[str, list[f
 def _photo_measures(photo: Photo) -> dict[str, float]:
     """Return mean and standard deviation of the grey levels, 0 to 255, of some of the pixels."""
     step = max(1, min(photo.shape[:2]) // PHOTO_SIDE)
-    grey = photo[::step, ::step].mean(axis=2)
-    return {"brightness": float(grey.mean()), "contrast": float(grey.std())}
+    red, green, blue = np.moveaxis(photo[::step, ::step], 2, 0)
+    grey = red.astype(np.uint16) + green + blue  # a mean over the last axis takes six times as long
+    return {"brightness": float(grey.mean()) / 3, "contrast": float(grey.std()) / 3}
 
 
 def limits(ranges: Ranges) -> dict[str, tuple[float, float, str]]:
