@@ -1,12 +1,16 @@
 """The choice of a device, and of how exactly it computes."""
 
+import gc
+import time
 from threading import Thread
 
+import cv2
 import pytest
 import torch
 
 import tex_lightning as tl
-from tex_lightning.core.devices import computing_threads
+from tex_lightning.core.devices import computing_threads, in_threads
+from tex_lightning.core.importing import quick_import
 
 
 @pytest.fixture
@@ -45,3 +49,37 @@ def test_threads_are_as_many_as_asked_for_and_as_before_afterwards():
     with computing_threads():
         torch.set_num_threads(before + 1)
     assert torch.get_num_threads() == before
+
+
+def test_work_in_threads_comes_back_in_order_each_on_one_thread():
+    opencv, before = cv2.getNumThreads(), torch.get_num_threads()
+    found = in_threads(lambda n: (n, cv2.getNumThreads(), torch.get_num_threads()), range(20), "")
+    assert found == [(n, 1, 1) for n in range(20)]
+    assert (cv2.getNumThreads(), torch.get_num_threads()) == (opencv, before)
+
+
+def test_after_an_interruption_only_what_has_begun_is_ended():
+    begun = []
+
+    def work(number):
+        begun.append(number)
+        time.sleep(0.01)
+        if number == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        in_threads(work, range(1000), "")
+    assert len(begun) < 500
+
+
+def test_garbage_is_collected_after_an_import_if_it_was_before():
+    with quick_import():
+        assert not gc.isenabled()
+    assert gc.isenabled()
+    gc.disable()
+    try:
+        with quick_import():
+            pass
+        assert not gc.isenabled()
+    finally:
+        gc.enable()

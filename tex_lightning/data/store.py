@@ -10,7 +10,6 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from threading import Lock
@@ -23,9 +22,8 @@ import torch
 from torch import Tensor
 
 from tex_lightning.core.console import suppress_warnings
-from tex_lightning.core.devices import computing_threads
+from tex_lightning.core.devices import in_threads
 from tex_lightning.core.files import require_file, resolved, write_atomically
-from tex_lightning.core.progress import track
 from tex_lightning.data.decode import Decoder
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording, cut_part
@@ -163,19 +161,8 @@ class Store:
         Returns:
             The files that cannot be decoded, and why.
         """
-        rows = list(recordings)
-        # a core for each file
-        with (
-            suppress_warnings(),
-            computing_threads(1),
-            ThreadPoolExecutor(os.cpu_count()) as pool,
-        ):
-            jobs = [pool.submit(self._try, row) for row in rows]
-            try:
-                results = [job.result() for job in track(jobs, "Decoding")]
-            except BaseException:
-                pool.shutdown(cancel_futures=True)
-                raise
+        with suppress_warnings():
+            results = in_threads(self._try, recordings, "Decoding")
         return [result for result in results if result is not None]
 
     def _try(self, recording: Recording) -> Unusable | None:

@@ -1,8 +1,6 @@
 """Write synthetic data sets to disk, in the layout of ``data=folder``."""
 
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +10,7 @@ import soundfile
 from numpy.typing import NDArray
 
 from tex_lightning.config.data import SyntheticConfig
-from tex_lightning.core.progress import track
+from tex_lightning.core.devices import in_threads
 from tex_lightning.errors import UserError
 from tex_lightning.synthetic.camera import Light, render_photo
 from tex_lightning.synthetic.materials import make_materials
@@ -62,10 +60,7 @@ def write_folder(
                 save(folder / f"{number:02d}{suffix}", take(surfaces, specimen, index, number))
 
     # Threads do, as the work is done inside NumPy, SciPy and OpenCV, and they start anywhere.
-    with ThreadPoolExecutor(min(2, os.cpu_count() or 1)) as pool:
-        jobs = [pool.submit(write, index) for index in range(classes)]
-        for job in track(jobs, "Rendering surfaces"):
-            job.result()
+    in_threads(write, range(classes), "Rendering surfaces")
 
 
 def _rng(surfaces: SyntheticConfig, index: int, recording: int, sense: int) -> np.random.Generator:
