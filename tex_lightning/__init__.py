@@ -4,7 +4,6 @@ import os
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from tex_lightning.core.importing import quick_import
 from tex_lightning.errors import UserError
 
 if TYPE_CHECKING:
@@ -70,8 +69,7 @@ def __getattr__(name: str) -> object:
     """Import a public name when it is asked for."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    with quick_import():
-        return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
 
 
 def __dir__() -> list[str]:

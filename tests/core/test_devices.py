@@ -1,6 +1,5 @@
 """The choice of a device, and of how exactly it computes."""
 
-import gc
 import time
 from threading import Thread
 
@@ -10,7 +9,6 @@ import torch
 
 import tex_lightning as tl
 from tex_lightning.core.devices import computing_threads, in_threads
-from tex_lightning.core.importing import quick_import
 
 
 @pytest.fixture
@@ -70,16 +68,3 @@ def test_after_an_interruption_only_what_has_begun_is_ended():
     with pytest.raises(KeyboardInterrupt):
         in_threads(work, range(1000), "")
     assert len(begun) < 500
-
-
-def test_garbage_is_collected_after_an_import_if_it_was_before():
-    with quick_import():
-        assert not gc.isenabled()
-    assert gc.isenabled()
-    gc.disable()
-    try:
-        with quick_import():
-            pass
-        assert not gc.isenabled()
-    finally:
-        gc.enable()

@@ -28,12 +28,9 @@ def check_archive(file: Path | BytesIO) -> None:
             size = sum(entry.file_size for entry in archive.infolist())
     except BadZipFile:
         return
-    if size > LARGEST and size > _size(file):
+    stored = file.stat().st_size if isinstance(file, Path) else len(file.getbuffer())
+    if size > max(LARGEST, stored):
         raise ValueError("it would take up more memory than any network")
-
-
-def _size(file: Path | BytesIO) -> int:
-    return file.stat().st_size if isinstance(file, Path) else len(file.getbuffer())
 
 
 def check_numbers(state: Mapping[str, Tensor]) -> None:

@@ -351,7 +351,7 @@ def make_sense(name: str, node: Mapping[str, Any], classes: int) -> Sense:
             "tex_lightning.senses.photo.PhotoSense, or derive from one of them."
         )
     rest = {key: value for key, value in node.items() if key not in BUILT}
-    nodes = {key: value for key, value in rest.items() if _is_node(value)}
+    nodes = {key: it for key, it in rest.items() if isinstance(it, Mapping) and TARGET in it}
     values = make_value(where, {key: value for key, value in rest.items() if key not in nodes})
     modality, decode = values.pop("modality"), values.pop("decode")
     offered = {**decode, "classes": classes, **values}
@@ -370,7 +370,3 @@ def make_sense(name: str, node: Mapping[str, Any], classes: int) -> Sense:
             "features(x, level); add one that gives class scores at level fc3."
         )
     return cls(name, modality, cls.make_decoder(decode), **parts)
-
-
-def _is_node(value: object) -> bool:
-    return isinstance(value, Mapping) and TARGET in value

@@ -77,16 +77,10 @@ def _draw_lighting(rng: np.random.Generator, light: Light, turn: float) -> dict[
     # The window stands to the upper left, the lamp to the upper right.
     azimuth = turn + np.deg2rad((-140 if daylight else -40) + rng.uniform(-40, 40))
     elevation = np.deg2rad(rng.uniform(30, 55) if daylight else rng.uniform(45, 70))
+    horizontal = np.cos(elevation) * np.array((np.cos(azimuth), np.sin(azimuth)))
     cast = (0.95, 1.0, 1.06) if daylight else (1.12, 1.0, 0.84)
     return dict(
-        direction=np.array(
-            (
-                np.cos(elevation) * np.cos(azimuth),
-                np.cos(elevation) * np.sin(azimuth),
-                np.sin(elevation),
-            ),
-            np.float32,
-        ),
+        direction=np.array((*horizontal, np.sin(elevation)), np.float32),
         diffuse=rng.uniform(0.25, 0.4) if daylight else rng.uniform(0.5, 0.65),
         colour=(np.array(cast) * rng.normal(1, 0.02, 3)).astype(np.float32),
         exposure=rng.uniform(1.0, 1.3) if daylight else rng.uniform(0.7, 0.95),

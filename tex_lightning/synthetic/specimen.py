@@ -189,9 +189,9 @@ class Specimen:
     @cached_property
     def normals(self) -> Field:
         """Unit vectors across the surface, shape (3, ``TILE``, ``TILE``): along x, y and up."""
-        normals = np.stack(
-            (-_slope(self.height, axis=1), -_slope(self.height, axis=0), np.ones_like(self.height))
-        )
+        before, after = (np.stack([np.roll(self.height, by, a) for a in (1, 0)]) for by in (1, -1))
+        slopes = (before - after) / np.float32(2 * PITCH)
+        normals = np.concatenate((slopes, np.ones_like(slopes[:1])))
         normals /= np.sqrt(np.sum(normals**2, axis=0))
         return normals
 
@@ -229,10 +229,6 @@ class Specimen:
         rng = np.random.default_rng([body.seed, 1])
         noise = _band(rng, MICRO_TILE, MICRO_PITCH, body.micro_wavelength, width=0.35)
         return _scaled(noise, body.micro_depth)
-
-
-def _slope(height: Field, axis: int) -> Field:
-    return (np.roll(height, -1, axis) - np.roll(height, 1, axis)) / np.float32(2 * PITCH)
 
 
 def _pattern(height: Field, skin: Skin, rng: np.random.Generator) -> Field:
