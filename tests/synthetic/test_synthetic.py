@@ -181,6 +181,18 @@ def test_the_number_of_classes_is_limited(tmp_path):
         write_folder(1000, TINY, tmp_path)
 
 
+def test_surfaces_are_the_same_whatever_number_of_threads_opencv_takes(tmp_path):
+    before, spec = cv2.getNumThreads(), dataclasses.replace(TINY, recordings=1)
+    for threads in (1, 2):
+        cv2.setNumThreads(threads)
+        write_folder(4, spec, tmp_path / str(threads))  # two of them porous
+    cv2.setNumThreads(before)
+    files = sorted(tmp_path.glob("1/*/*/*"))
+    assert len(files) == 8
+    for file in files:
+        assert file.read_bytes() == (tmp_path / "2" / file.relative_to(tmp_path / "1")).read_bytes()
+
+
 TESTED = np.isin(np.arange(10), [4, 9])
 
 

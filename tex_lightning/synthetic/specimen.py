@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft  # in float32 twice as fast as NumPy's
@@ -121,14 +120,14 @@ def _domes(rng: np.random.Generator, spacing: float, radius: float) -> Field:
     count = round(TILE * PITCH / spacing)
     lattice = np.stack(np.meshgrid(*[np.arange(count)] * 2), axis=-1).reshape(-1, 2)
     centres = (lattice + 0.5 * rng.uniform(-1, 1, lattice.shape)) * (TILE / count)
-    column, row = (np.rint(centres).astype(int) % TILE).T
-    empty = np.ones((TILE, TILE), np.uint8)
-    empty[row, column] = 0
-    margin = TILE // 8  # wider than any radius, so that domes wrap around
-    wrapped = np.pad(empty, margin, mode="wrap")
-    distance = cv2.distanceTransform(wrapped, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    distance = distance[margin:-margin, margin:-margin] * np.float32(PITCH / radius)
-    return np.sqrt(np.maximum(1 - distance**2, 0))
+    column, row = np.rint(centres).astype(int).T
+    steps = np.arange(-int(radius / PITCH), int(radius / PITCH) + 1)
+    heights = 1 - np.hypot(steps, steps[:, None]) ** 2 * (PITCH / radius) ** 2
+    domes = np.zeros((TILE, TILE), np.float32)
+    for place in np.argsort(heights, axis=None)[np.sum(heights <= 0) :]:  # the highest stays
+        down, right = np.unravel_index(place, heights.shape)
+        domes[(row + steps[down]) % TILE, (column + steps[right]) % TILE] = heights[down, right]
+    return np.sqrt(domes)
 
 
 def _fibrous(rng: np.random.Generator, wavelength: float) -> Field:
