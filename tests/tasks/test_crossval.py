@@ -78,6 +78,9 @@ def test_one_failing_job_does_not_hide_the_others(cli, tiny, tmp_path):
 
 @pytest.mark.slow
 def test_folds_run_side_by_side_through_joblib(cli, tiny, tmp_path):
+    # processes of an earlier test would print where that one did
+    loky = pytest.importorskip("joblib.externals.loky")
+    loky.get_reusable_executor().shutdown()
     launcher = ("hydra/launcher=joblib", "hydra.launcher.n_jobs=2")
     folds = ("data.test_fold=0,2", f"hydra.sweep.dir={tmp_path}")
     outcome = cli("-m", "model=haptic", *tiny, *launcher, *folds)
