@@ -1,10 +1,14 @@
 """``python -m tex_lightning``: see :mod:`tex_lightning.cli`."""
 
+import atexit
+import gc
 import sys
 
 from tex_lightning.cli import main
 
 __all__ = ["main"]
+
+atexit.register(gc.freeze)  # to look through all modules for garbage takes half a second
 
 if __name__ == "__main__":
     sys.exit(main())

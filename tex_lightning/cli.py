@@ -3,7 +3,6 @@
 PyTorch is imported once the command line is known to be right.
 """
 
-import atexit
 import errno
 import gc
 import json
@@ -154,7 +153,6 @@ def main() -> int:
     """Run the command line and return its exit status."""
     # Hydra then raises its errors instead of printing and exiting with status 1
     os.environ["HYDRA_FULL_ERROR"] = "1"
-    atexit.register(gc.freeze)  # to look through all modules for garbage takes half a second
     STARTED.clear()
     arguments = sys.argv[1:]
     try:
@@ -298,11 +296,13 @@ def _run_in_folder(config: Config, composed: DictConfig, job: Job) -> dict[str, 
 @contextmanager
 def _quick_import() -> Iterator[None]:
     """Look for no garbage meanwhile: modules are none, and it takes a sixth of the time."""
+    collecting = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
-        gc.enable()
+        if collecting:
+            gc.enable()
 
 
 def _set_devices(config: Config, job: Job) -> None:

@@ -87,9 +87,11 @@ def _photo(given: Any, sense: dict[str, Any]) -> Decoded:
     side, said = min(seen.shape[:2]), f"The {what} has {seen.shape[1]}x{seen.shape[0]} pixels"
     require(side >= least, f"{said} after decoding; use one of at least {least} a side.")
     step = max(1, side // PHOTO_SIDE)
-    grey = seen[::step, ::step].mean(axis=2)
-    found = _unlike(sense, brightness=grey.mean(), contrast=grey.std())
-    if empty := bool(grey.std() < UNIFORM):
+    red, green, blue = np.moveaxis(seen[::step, ::step], 2, 0)
+    grey = red.astype(np.uint16) + green + blue  # a mean over the last axis takes six times as long
+    contrast = grey.std() / 3
+    found = _unlike(sense, brightness=grey.mean() / 3, contrast=contrast)
+    if empty := bool(contrast < UNIFORM):
         found = [f"The {what} is uniform, so it shows nothing; check the camera."]
     return Decoded(photo, seen, found, empty)
 

@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING, TypeVar
 import cv2
 import torch
 
-from tex_lightning.core.progress import track
+from tex_lightning.core.progress import Item, track
 from tex_lightning.core.ranks import started_processes
 from tex_lightning.errors import UserError
 
 if TYPE_CHECKING:
     from tex_lightning.config import TrainerConfig
 
-Item = TypeVar("Item")
 Result = TypeVar("Result")
 TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # what glibc's malloc.h calls M_...
 LARGEST, KEPT = 1 << 25, 1 << 30  # bytes: of a piece, in many versions, and in all
@@ -107,20 +106,20 @@ def computing_threads(count: int | None = None) -> Iterator[None]:
         torch.set_num_threads(before)
 
 
-def in_threads(work: Callable[[Item], Result], items: Iterable[Item], title: str) -> list[Result]:
-    """Do work on all items behind a bar, several at a time, each on one core.
+def in_threads(
+    work: Callable[[Item], Result], items: Iterable[Item], title: str, threads: int | None = None
+) -> list[Result]:
+    """Do work on all items behind a bar, on so many threads or one for each core.
 
-    After Ctrl-C only what has begun is ended.
+    PyTorch and OpenCV start none of their own. After Ctrl-C only what has begun is ended.
     """
     before = cv2.getNumThreads()
     cv2.setNumThreads(1)
+    pool = ThreadPoolExecutor(threads or os.cpu_count())
     try:
-        with computing_threads(1), ThreadPoolExecutor(os.cpu_count()) as pool:
+        with computing_threads(1):
             jobs = [pool.submit(work, item) for item in items]
-            try:
-                return [job.result() for job in track(jobs, title)]
-            except BaseException:
-                pool.shutdown(cancel_futures=True)
-                raise
+            return [job.result() for job in track(jobs, title)]
     finally:
+        pool.shutdown(cancel_futures=True)
         cv2.setNumThreads(before)

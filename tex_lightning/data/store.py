@@ -162,8 +162,7 @@ class Store:
             The files that cannot be decoded, and why.
         """
         with suppress_warnings():
-            results = in_threads(self._try, recordings, "Decoding")
-        return [result for result in results if result is not None]
+            return list(filter(None, in_threads(self._try, recordings, "Decoding")))
 
     def _try(self, recording: Recording) -> Unusable | None:
         """Decode a file unless the cache has it; a full disk is no fault of the file."""

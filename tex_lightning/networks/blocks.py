@@ -105,18 +105,15 @@ def conv_block(
     stride: int = 1,
     padding: int = 0,
     groups: int = 1,
-    pool: Window | None = None,
 ) -> nn.Sequential:
-    """Return convolution, max pooling if any, batch normalisation (norm="batch") and ReLU.
+    """Return convolution, batch normalisation (for norm="batch" only) and ReLU.
 
-    Pooling first leaves the other two, of which ReLU commutes with it, a quarter of the elements.
     Under batch normalisation the convolution has no bias, which would be subtracted again.
     """
     batch = norm == "batch"
     conv = nn.Conv2d(inputs, outputs, kernel, stride, padding, groups=groups, bias=not batch)
-    pooling = [] if pool is None else [pool.max_pool()]
     normalisation = [nn.BatchNorm2d(outputs)] if batch else []
-    return nn.Sequential(conv, *pooling, *normalisation, nn.ReLU(inplace=True))
+    return nn.Sequential(conv, *normalisation, nn.ReLU(inplace=True))
 
 
 def response_norm(norm: Norm, alpha: float = 1e-4, k: float = 1.0) -> list[nn.Module]:

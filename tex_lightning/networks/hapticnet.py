@@ -63,7 +63,10 @@ class HapticNet(nn.Module):
         source, final = 1, scaled(FINAL_CHANNELS, width)
         for index, channels in enumerate(CHANNELS):
             target = scaled(channels, width)
-            layers += conv_block(source, target, 3, norm=norm, padding=1, pool=POOL)
+            conv, *rest = conv_block(source, target, 3, norm=norm, padding=1)
+            # ReLU commutes with the maximum, and pooling first leaves it, and batch normalisation,
+            # a quarter of the elements.
+            layers += [conv, POOL.max_pool(), *rest]
             if index == 0:
                 layers += response_norm(norm)
             source = target

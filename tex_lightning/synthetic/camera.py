@@ -49,7 +49,7 @@ def render_photo(
     cv2.sqrt(photo, dst=photo)
     start = rng.integers(_NOISE_STARTS)
     noise = _noise(photo.size)[start : start + photo.size].reshape(photo.shape)
-    pixels: Any = cv2.addWeighted(noise, lighting["noise"], photo, 255, 0, dtype=cv2.CV_8U)
+    pixels = cv2.addWeighted(noise, lighting["noise"], photo, 255, 0, dtype=cv2.CV_8U)
     return np.asarray(pixels, np.uint8)
 
 
@@ -96,8 +96,8 @@ def _shade(specimen: Specimen, lighting: dict[str, Any]) -> Field:
     diffuse = np.float32(lighting["diffuse"] * lighting["exposure"])
     halfway = direction + np.array((0, 0, 1), np.float32)
     halfway /= np.linalg.norm(halfway)
-    facing = _facing(specimen, halfway)
-    highlight = direct * np.float32(skin.gloss) * cv2.pow(facing, skin.shininess)
+    glint = cv2.pow(_facing(specimen, halfway), skin.shininess)
+    highlight = direct * np.float32(skin.gloss) * glint
     shading = direct * lit + diffuse * specimen.occlusion
     lights = zip(specimen.albedo, lighting["colour"], strict=True)
     return np.asarray(cv2.merge([(plane * shading + highlight) * tint for plane, tint in lights]))
@@ -111,10 +111,7 @@ def _facing(specimen: Specimen, direction: NDArray[np.float32]) -> Field:
 
 @lru_cache(maxsize=1)
 def _noise(size: int) -> Field:
-    """Draw the noise that photos of ``size`` numbers are given a part of.
-
-    To draw it for every photo would take a third of the rendering.
-    """
+    """Draw noise of which photos of ``size`` numbers take a part: drawn for each it is slow."""
     return np.random.default_rng(0).standard_normal(size + _NOISE_STARTS, dtype=np.float32)
 
 

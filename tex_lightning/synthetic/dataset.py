@@ -59,8 +59,8 @@ def write_folder(
             for number in range(surfaces.recordings):
                 save(folder / f"{number:02d}{suffix}", take(surfaces, specimen, index, number))
 
-    # Threads do, as the work is done inside NumPy, SciPy and OpenCV, and they start anywhere.
-    in_threads(write, range(classes), "Rendering surfaces")
+    # Threads do, as the work is done inside NumPy, SciPy and OpenCV; each takes 100 MB.
+    in_threads(write, range(classes), "Rendering surfaces", threads=2)
 
 
 def _rng(surfaces: SyntheticConfig, index: int, recording: int, sense: int) -> np.random.Generator:

@@ -187,10 +187,9 @@ class Specimen:
 
     @cached_property
     def normals(self) -> Field:
-        """Unit vectors across the surface, shape (3, ``TILE``, ``TILE``): along x, y and up."""
-        before, after = (np.stack([np.roll(self.height, by, a) for a in (1, 0)]) for by in (1, -1))
-        slopes = (before - after) / np.float32(2 * PITCH)
-        normals = np.concatenate((slopes, np.ones_like(slopes[:1])))
+        """Parts of the unit normals along x, y and upwards, shape (3, ``TILE``, ``TILE``)."""
+        x, y = -_slope(self.height, axis=1), -_slope(self.height, axis=0)
+        normals = np.stack((x, y, np.ones_like(x)))
         normals /= np.sqrt(np.sum(normals**2, axis=0))
         return normals
 
@@ -208,8 +207,7 @@ class Specimen:
         skin = self.material.skin
         rng = np.random.default_rng([skin.seed, 2])
         weight = _pattern(self.height, skin, rng)
-        mottle = shaped_noise(rng, TILE, PITCH, lambda _, __, k: (0.2 + k) ** -1.5)
-        mottle = 1 + np.float32(0.05) * mottle
+        mottle = 1 + 0.05 * shaped_noise(rng, TILE, PITCH, lambda _, __, k: (0.2 + k) ** -1.5)
         colours = np.array([skin.colour, skin.accent], np.float32).T
         mixed = [(ground + weight * (accent - ground)) * mottle for ground, accent in colours]
         return np.clip(mixed, 0, 1)
@@ -228,6 +226,10 @@ class Specimen:
         rng = np.random.default_rng([body.seed, 1])
         noise = _band(rng, MICRO_TILE, MICRO_PITCH, body.micro_wavelength, width=0.35)
         return _scaled(noise, body.micro_depth)
+
+
+def _slope(height: Field, axis: int) -> Field:
+    return (np.roll(height, -1, axis) - np.roll(height, 1, axis)) / np.float32(2 * PITCH)
 
 
 def _pattern(height: Field, skin: Skin, rng: np.random.Generator) -> Field:

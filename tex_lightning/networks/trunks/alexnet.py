@@ -26,22 +26,21 @@ def caffe_conv123(channels: tuple[int, ...], norm: Norm) -> OrderedDict[str, nn.
         norm: "lrn" is the published network; "batch" normalises what is pooled already.
     """
     one, two, three = channels
-    early = CAFFE_POOL if norm == "batch" else None
-    kernel, stride = CAFFE_CONV1.kernel, CAFFE_CONV1.stride
+    first = conv_block(3, one, CAFFE_CONV1.kernel, norm=norm, stride=CAFFE_CONV1.stride)
+    second = conv_block(one, two, 5, norm=norm, padding=2, groups=2)
     return OrderedDict(
-        conv1=conv_block(3, one, kernel, norm=norm, stride=stride, pool=early),
-        pool1=_late_pool(norm),
-        conv2=conv_block(one, two, 5, norm=norm, padding=2, groups=2, pool=early),
-        pool2=_late_pool(norm),
+        conv1=_pooled(first, *response_norm(norm)),
+        conv2=_pooled(second, *response_norm(norm)),
         conv3=conv_block(two, three, 3, norm=norm, padding=1),
     )
 
 
-def _late_pool(norm: Norm) -> nn.Sequential:
-    """Return what follows a block whose pooling is not inside."""
-    if norm == "batch":
-        return nn.Sequential()
-    return nn.Sequential(*response_norm(norm), CAFFE_POOL.max_pool())
+def _pooled(block: nn.Sequential, *responses: nn.Module) -> nn.Sequential:
+    """Add max pooling to a block: after response normalisation, if any, else after convolution."""
+    conv, *rest = block
+    if responses:
+        return nn.Sequential(*block, *responses, CAFFE_POOL.max_pool())
+    return nn.Sequential(conv, CAFFE_POOL.max_pool(), *rest)  # as HapticNet does
 
 
 class CaffeAlexNet(Trunk):
@@ -61,9 +60,7 @@ class CaffeAlexNet(Trunk):
         *early, four, five = caffe_channels(self.width)
         layers = caffe_conv123(tuple(early), self.norm)
         layers["conv4"] = conv_block(early[-1], four, 3, norm=self.norm, padding=1, groups=2)
-        layers["conv5"] = conv_block(
-            four, five, 3, norm=self.norm, padding=1, groups=2, pool=CAFFE_POOL
-        )
+        layers["conv5"] = _pooled(conv_block(four, five, 3, norm=self.norm, padding=1, groups=2))
         self.out_channels = five
         return nn.Sequential(layers)
 
