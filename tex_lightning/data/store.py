@@ -1,9 +1,9 @@
 """Cache of decoded files: memory-mapped arrays outside the package.
 
-One ``.npy`` per recording, named by a digest of its files' identity (path, time of change, size and
-ends) and the decode settings; of a recording that is a part of its file the part is cut out after
-decoding. Entries are written under another name and moved into place, so that a reader never sees
-half an array and two processes that decode the same file do no harm.
+One ``.npy`` per recording, named by a digest of its files' identity (path, time of change and
+content) and the decode settings; of a recording that is a part of its file the part is cut out
+after decoding. Entries are written under another name and moved into place, so that a reader never
+sees half an array and two processes that decode the same file do no harm.
 """
 
 import hashlib
@@ -11,6 +11,7 @@ import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from threading import Lock
 from typing import Any, NamedTuple, TypeVar
@@ -53,7 +54,7 @@ def skipped_entry(unusable: Iterable[Unusable]) -> list[dict[str, str]]:
     return [{"path": recording.source, "reason": reason} for recording, reason in unusable]
 
 
-FINGERPRINT_BYTES = 65_536
+DIGITS = 32  # of a digest; checkpoints keep one for each recording
 LAYOUT = 8  # of an entry: what an earlier version decoded otherwise is decoded anew
 UNREADABLE = (OSError, ValueError, EOFError)  # not there yet, or damaged by a full disk
 RATE_BYTES = 136  # of a number as .npy, which stands behind the array of a trace
@@ -83,21 +84,28 @@ def _unwritable(root: Path, error: BaseException | None) -> UserError:
 
 
 def fingerprint(path: Path) -> str:
-    """Return a digest of a recording's size and ends, which is the same for a copy.
+    """Return a digest of a recording's content, which is the same for a copy.
 
     Args:
         path: File of the recording, or of any axis if each has its own.
     """
-    digest = hashlib.sha256()
+    digests = []
     for file in axis_files(path):
         require_file(file)
-        size = file.stat().st_size
-        digest.update(str(size).encode())
-        with file.open("rb") as stream:
-            digest.update(stream.read(FINGERPRINT_BYTES))
-            stream.seek(max(0, size - FINGERPRINT_BYTES))
-            digest.update(stream.read(FINGERPRINT_BYTES))
-    return digest.hexdigest()[:16]
+        state = file.stat()
+        identity = state.st_dev, state.st_ino, state.st_size, state.st_mtime_ns, state.st_ctime_ns
+        digests.append(_digest(file, identity))
+    return hashlib.sha256("".join(digests).encode()).hexdigest()[:DIGITS]
+
+
+@lru_cache(maxsize=1 << 16)
+def _digest(file: Path, _: tuple[int, ...]) -> str:
+    """Return a digest of all of a file, which is read once as long as its state is the same.
+
+    Its ends do not do: gated recordings begin and end in silence, and scans in a white border.
+    """
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 class Store:

@@ -8,7 +8,7 @@ import zlib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -80,12 +80,9 @@ class PerturbedDataset:
         return self._perturbed[row]
 
 
-_fingerprint = cache(fingerprint)
-
-
 def make_rng(seed: int, name: str, row: Recording) -> np.random.Generator:
     """Return the generator of one recording under one perturbation."""
-    identity = [int(_fingerprint(row.path), 16)]
+    identity = [int(fingerprint(row.path), 16)]
     if row.part:
         identity.append(zlib.crc32(write_part(row.part).encode()))
     return np.random.default_rng([seed, zlib.crc32(name.encode()), *identity])
