@@ -30,6 +30,7 @@ from tex_lightning.config.composition import (
 )
 from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.config.mistakes import MISTAKES, explain
+from tex_lightning.config.names import as_typed
 from tex_lightning.config.search import use_config_dir, with_own_senses
 from tex_lightning.config.tasks import TRAINING
 from tex_lightning.config.usage import answer, asks
@@ -194,7 +195,7 @@ def _run(arguments: Sequence[str]) -> int:
     if not is_rank_zero():
         suppress_output()
         overrides.append("hydra/job_logging=none")
-    sys.argv[1:] = [*flags, *with_own_senses(overrides)]
+    sys.argv[1:] = [*flags, *with_own_senses(as_typed(overrides))]
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
     with finishing():
         entry()

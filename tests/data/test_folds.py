@@ -9,6 +9,7 @@ from tex_lightning.config import Folding
 from tex_lightning.data.folds import (
     check_conditions,
     check_split,
+    comparable,
     count_folds,
     make_samples,
     split,
@@ -201,3 +202,10 @@ def test_conditions_that_leave_nothing_to_train_or_test_are_said():
     ):
         with pytest.raises(UserError, match=message):
             check_split(split(rows, where_is(where)), ["a", "b"], ["haptic"], where_is(where))
+
+
+def test_conditions_that_may_be_names_are_compared_as_text_and_decimal_numbers_as_numbers():
+    for one, other in [(60, "60.0"), ("-0.50", "-.5"), (True, "true"), ("+5", 5), ("0", 0.0)]:
+        assert comparable(one) == comparable(other)
+    names = ["007", "7", "1_0", "10", "1e3", "1000", "nan", "2024_05_01", "20240501"]
+    assert len({*map(comparable, names)}) == len(names)

@@ -113,6 +113,23 @@ def test_ctrl_c_keeps_the_recordings_that_are_whole(record, tmp_path, monkeypatc
     assert written(tmp_path) == ["manifest.csv", "oak/haptic/oak_001.wav"]
 
 
+def test_labels_and_conditions_are_as_they_were_typed_in_a_sweep_too(record, tmp_path):
+    given = [f"record.haptic.rate={RATE}", "record.seconds=0.4"]
+    given += ["record.conditions={day: 2024_05_01, lid: true, mass: 1.50, note: null}"]
+    trace = make_trace(0, 0, seconds=0.5)
+    lines(record(*given, "record.label=1_0", haptic=trace))
+    swept = record(
+        "-m", *given, "record.label=1e3,Grün", f"hydra.sweep.dir={tmp_path}/s", haptic=trace
+    )
+    assert swept.status == 0, swept.err
+    table = read_manifest(tmp_path / "DATA" / "manifest.csv")
+    assert table.classes == ["1_0", "1e3", "Grün"]
+    assert {row.conditions for row in table} == {
+        (("day", "2024_05_01"), ("lid", "true"), ("mass", "1.50"))
+    }
+    assert [row.path.parent.parent.name for row in table] == ["1_0", "1e3", "Grün"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -53,14 +53,22 @@ class Config:
     seed: int = key("seed of initial weights, order of samples, sub-samples, rotations", SEED)
     checkpoint: str | None = key("trained network to classify with or to measure")
     haptic: Any = key(
-        "trace(s); - to stream; to record: -, serial:PORT, soundcard, a file", default=None
+        "trace(s); - to stream; to record: -, serial:PORT, soundcard, a file",
+        default=None,
+        text=True,
     )
-    image: Any = key("photo(s) to predict from; to record: camera:NUMBER or a video", default=None)
-    sound: Any = key("sound(s): as haptic", default=None)
-    own: dict[str, Any] = key("files of custom modalities; +NAME=FILE adds one", factory=dict)
+    image: Any = key(
+        "photo(s) to predict from; to record: camera:NUMBER or a video", default=None, text=True
+    )
+    sound: Any = key("sound(s): as haptic", default=None, text=True)
+    own: dict[str, Any] = key(
+        "files of custom modalities; +NAME=FILE adds one", factory=dict, text=True
+    )
     top_k: int = key("candidates listed by task=predict", "[1, inf)")
     weights: Any = key(
-        "first weights of trunks: FILE, imagenet or {TRUNK: FILE}; null: random", default=None
+        "first weights of trunks: FILE, imagenet or {TRUNK: FILE}; null: random",
+        default=None,
+        text=True,
     )
     trusted: list[str] = key(
         "packages whose classes a checkpoint may name: their code runs", factory=list

@@ -31,6 +31,7 @@ from tex_lightning.config.model import (
     SenseConfig,
     SignalFitConfig,
 )
+from tex_lightning.config.names import as_typed
 from tex_lightning.config.search import with_own_senses
 from tex_lightning.errors import UserError, reason
 
@@ -48,7 +49,7 @@ def compose_config(overrides: Sequence[str] = ()) -> DictConfig:
         HydraException: If an override is wrong.
     """
     with _hydra():
-        return compose(NAME, overrides=with_own_senses(overrides))
+        return compose(NAME, overrides=with_own_senses(as_typed(overrides)))
 
 
 def run_composed(function: Callable[[DictConfig], Any], overrides: Sequence[str]) -> Any:  # noqa: ANN401
@@ -69,7 +70,9 @@ def run_composed(function: Callable[[DictConfig], Any], overrides: Sequence[str]
             raised.append(error)
 
     with _hydra():
-        config = compose(NAME, overrides=with_own_senses(overrides), return_hydra_config=True)
+        config = compose(
+            NAME, overrides=with_own_senses(as_typed(overrides)), return_hydra_config=True
+        )
         if config.hydra.mode == RunMode.MULTIRUN:
             raise UserError(
                 "These overrides are a sweep; run it by python -m tex_lightning, or call this "

@@ -42,6 +42,7 @@ class Folding:
     test_where: Any = key(
         "conditions of the test set, in place of a fold: {speed: [50, 60], light: lamp}",
         default=None,
+        text=True,
     )
 
 
@@ -99,7 +100,7 @@ class RecordConfig:
     count: int = key("number of recordings, one after the other", "[1, 10000]")
     timeout: float = key("longest time without data of a source", **HOUR)
     conditions: dict[str, Any] = key(
-        "further columns of the manifest, as {speed: 60, person: anna}", factory=dict
+        "further columns of the manifest, as {speed: 60, person: anna}", factory=dict, text=True
     )
     haptic: SourceConfig = field(default_factory=SourceConfig)
     sound: SourceConfig = field(default_factory=SourceConfig)

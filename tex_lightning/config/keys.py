@@ -23,12 +23,14 @@ class Key:
         range: Interval of the numbers that are allowed, such as ``(0, 8]``; empty for any.
         unit: Unit of a number.
         choices: All values that are allowed; empty where they are not listed here.
+        text: Whether a value of any type is a name or a path, or has such ones in it.
     """
 
     meaning: str
     range: str = ""
     unit: str = ""
     choices: tuple[object, ...] = ()
+    text: bool = False
 
     def allows(self, value: float) -> bool:
         """Return whether a number is in range; NaN never is where there is a range."""

@@ -8,7 +8,7 @@ tested.
 """
 
 import json
-import math
+import re
 import shlex
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
@@ -21,18 +21,19 @@ from tex_lightning.core.groups import divide
 from tex_lightning.data.recordings import Recording, Recordings, natural_key, plural
 from tex_lightning.errors import UserError, listed
 
+DECIMAL = re.compile(r"[-+]?((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)")
+
 
 def comparable(value: object) -> str:
     """Return one text for all values that are equal, such as ``60``, ``"60"`` and ``60.0``.
 
-    So are YAML's ``true`` and Python's ``True``; other words are compared as text.
+    So are YAML's ``true`` and Python's ``True``; other words are compared as text, also ``007``,
+    ``1_0`` and ``1e3``, which may be names.
     """
     text = str(value)
-    try:
-        number = float(text)
-    except ValueError:
+    if not DECIMAL.fullmatch(text):
         return text.lower() if text in ("True", "False") else text
-    return str(number).removesuffix(".0") if math.isfinite(number) else text
+    return str(float(text)).removesuffix(".0")
 
 
 def is_tested(row: Recording, where: Mapping[str, Any]) -> bool | None:

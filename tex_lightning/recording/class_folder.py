@@ -85,7 +85,8 @@ class ClassFolder:
     def __init__(self, root: Path, label: str, conditions: Mapping[str, object]) -> None:
         self.root, self.label = root.resolve(), label
         self.folder, self.manifest = self.root / label, self.root / MANIFEST
-        self.conditions = tuple((name, str(value)) for name, value in conditions.items())
+        given = [(name, str(value)) for name, value in conditions.items() if value is not None]
+        self.conditions = tuple(given)
         for name in conditions:
             if name in KNOWN:
                 raise UserError(f"record.conditions: {name} is a column of its own; rename it.")
