@@ -5,6 +5,7 @@ from conftest import make_card, save_classifier
 
 from tex_lightning.classifier.classifier import SurfaceClassifier, content_seed
 from tex_lightning.classifier.vote import random_tuples
+from tex_lightning.config.instantiation import trust
 from tex_lightning.core.devices import computing_threads
 from tex_lightning.errors import UserError
 
@@ -114,6 +115,21 @@ def test_scores_of_single_senses_add_up_to_those_of_several(three, senses):
     tuples = random_tuples(counts, 200, several.seed(**own(several)))
     expected = sum(each[:, tuples[:, place]] for place, each in enumerate(scores))
     torch.testing.assert_close(several.logits(**own(several)), expected)
+
+
+@pytest.mark.parametrize("name", ["Headed", "Recurrent"])
+def test_a_network_of_ones_own_with_a_head_is_fused_and_classifies_alone(name):
+    trust("own_networks")
+    torch.manual_seed(0)
+    card = make_card("haptic", "visual", pairs=50, width=0.1)
+    card.senses["haptic"]["network"] = {"_target_": f"own_networks.{name}"}
+    model, recordings = SurfaceClassifier(card).eval(), sample()
+    with torch.no_grad():
+        alone = model.with_senses(["haptic"])
+        scores = alone.logits(haptic=recordings["haptic"])
+        torch.testing.assert_close(
+            scores, model.partial_logits("haptic", recordings["haptic"]), rtol=1e-4, atol=1e-5
+        )
 
 
 def test_foreign_damaged_and_mistaken_checkpoints_are_refused(tmp_path):

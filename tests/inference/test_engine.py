@@ -12,9 +12,10 @@ from torch import nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
-from tex_lightning.inference import engine as response_norm
-from tex_lightning.inference.engine import FastResponseNorm, accelerate, fold_batch_norm
+from tex_lightning.inference.engine import accelerate
+from tex_lightning.networks import folding
 from tex_lightning.networks.blocks import response_norm as published
+from tex_lightning.networks.folding import FastResponseNorm, fold_batch_norm
 
 OFF, DEFAULT = EngineConfig(fast=False, tile=None), EngineConfig(fast=True, tile=None)
 SENSES = {
@@ -113,11 +114,11 @@ def test_it_equals_pytorchs_for_every_shape_layout_and_piece(channels, size, sca
     if last:
         x = x.contiguous(memory_format=torch.channels_last)
     expected = LAYER(x)
-    before, response_norm.PIECE = response_norm.PIECE, piece
+    before, folding.PIECE = folding.PIECE, piece
     try:
         found = FastResponseNorm(LAYER)(x)
     finally:
-        response_norm.PIECE = before
+        folding.PIECE = before
     torch.testing.assert_close(found, expected, rtol=2e-6, atol=0)
 
 

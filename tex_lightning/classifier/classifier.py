@@ -24,7 +24,7 @@ from tex_lightning.core.devices import computing_threads
 from tex_lightning.core.files import write_atomically
 from tex_lightning.errors import UserError
 from tex_lightning.networks.archives import SizeLimit, check_numbers
-from tex_lightning.networks.blocks import Head, Level, score_layer_of
+from tex_lightning.networks.blocks import Head, Level, independent_copy, score_layer_of
 from tex_lightning.networks.fusionnet import FusionLayer
 from tex_lightning.senses.base import Sense, content, make_sense
 
@@ -324,7 +324,7 @@ class SurfaceClassifier(nn.Module):
         if self.fusion is None or tuple(senses) == self.card.sense_names:
             return self
         part = SurfaceClassifier(self.card.of(senses))
-        parts = nn.ModuleDict({name: deepcopy(self.senses[name]) for name in senses})
+        parts = nn.ModuleDict({name: independent_copy(self.senses[name]) for name in senses})
         fresh, part.senses = part.senses, cast(Mapping[str, Sense], parts)
         layer = _sublayer(self.fusion, [self._index(name) for name in senses])
         if len(senses) > 1:
@@ -367,7 +367,7 @@ def _sublayer(layer: FusionLayer, indices: Sequence[int]) -> FusionLayer:
 
 def _set_scores(network: Any, fresh: Any, head: nn.Linear) -> None:  # noqa: ANN401
     """Restore the removed scores of a network from a fusion layer of it alone."""
-    if hasattr(network, "head"):
+    if isinstance(getattr(network, "head", None), Head):
         network.head.scores = fresh.head.scores
     layer = network.score_layer
     layer.weight.copy_(head.weight.reshape(layer.weight.shape))

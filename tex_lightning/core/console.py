@@ -101,11 +101,11 @@ def is_interactive() -> bool:
     return alone and console.is_interactive and console.file.isatty()
 
 
-def log_once(logger: logging.Logger, text: str) -> None:
+def log_once(logger: logging.Logger, text: str, level: int = logging.INFO) -> None:
     """Log a message that is the same for every fold, such as the source of weights, once."""
     if text not in Screen.logged:
         Screen.logged.add(text)
-        logger.info("%s", text)
+        logger.log(level, "%s", text)
 
 
 def say(text: str, style: str = "", *, wraps: bool = True) -> None:

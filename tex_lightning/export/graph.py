@@ -5,20 +5,22 @@ The senses of a FusionNet are joined in one graph; the decision is that of
 algebra, so that they can be traced at any size: nothing branches on a size that only a run knows.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from copy import deepcopy
 from inspect import Parameter, Signature
 from typing import Any
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import avg_pool2d, conv2d, max_pool2d, pad
+from torch.nn.functional import avg_pool2d, conv1d, conv2d, max_pool2d, pad
 
 from tex_lightning.classifier.classifier import SurfaceClassifier, class_scores
 from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.errors import UserError
 from tex_lightning.export.signals import SpectrogramGraph, promise, signal_graph
-from tex_lightning.inference.engine import fold_batch_norm
+from tex_lightning.inference.engine import rewritten
+from tex_lightning.networks.blocks import Level, independent_copy
+from tex_lightning.networks.folding import fold_batch_norm
 from tex_lightning.senses.base import Sense
 
 LOWEST = torch.finfo(torch.float32).min
@@ -44,7 +46,7 @@ class CeilMaxPool(nn.Module):
     @staticmethod
     def fits(layer: nn.Module) -> bool:
         """Return whether a layer is such a pooling."""
-        if not isinstance(layer, nn.MaxPool2d) or not layer.ceil_mode:
+        if type(layer) is not nn.MaxPool2d or not layer.ceil_mode:
             return False
         square = isinstance(layer.kernel_size, int) and isinstance(layer.stride, int)
         plain = (layer.padding, layer.dilation, layer.return_indices) == (0, 1, False)
@@ -57,35 +59,53 @@ class CeilMaxPool(nn.Module):
 
 
 class BandedResponseNorm(nn.Module):
-    """Local response normalisation whose sum over channels is a 1x1 convolution by a band.
+    """Local response normalisation whose sum over channels is a convolution of kernel 1 by a band.
 
     Args:
-        layer: PyTorch's, of an odd size.
+        layer: PyTorch's. Of an even size it sums one channel more before than after each.
     """
 
     def __init__(self, layer: nn.LocalResponseNorm) -> None:
         super().__init__()
-        self.reach = layer.size // 2
+        self.before, self.after = layer.size // 2, (layer.size - 1) // 2
         self.scale, self.k, self.beta = layer.alpha / layer.size, layer.k, layer.beta
 
     def forward(self, x: Tensor) -> Tensor:
-        """Normalise (B, C, M, N) across C."""
+        """Normalise (B, C, M, N), or (B, C, L), across C."""
         channel = torch.arange(x.shape[1], device=x.device)
-        band = ((channel[:, None] - channel).abs() <= self.reach).to(x.dtype) * self.scale
-        return x / (conv2d(x.square(), band[:, :, None, None]) + self.k).pow(self.beta)
+        apart = channel - channel[:, None]
+        band = ((-self.before <= apart) & (apart <= self.after)).to(x.dtype) * self.scale
+        if x.dim() == 3:
+            sums = conv1d(x.square(), band[:, :, None])
+        else:
+            sums = conv2d(x.square(), band[:, :, None, None])
+        return x / (sums + self.k).pow(self.beta)
 
 
-def exportable(network: nn.Module) -> nn.Module:
-    """Copy a network without batch normalisation and with layers that can be traced."""
-    copied = deepcopy(network).cpu().float().eval().requires_grad_(False)
-    fold_batch_norm(copied)
-    for parent in list(copied.modules()):
+def exportable(sense: Sense, levels: Collection[Level]) -> nn.Module:
+    """Copy a sense's network without batch normalisation and with layers that can be traced.
+
+    Args:
+        sense: Sense, which is left as it is.
+        levels: Levels at which the network is used.
+    """
+    copied = independent_copy(sense).cpu().float().eval().requires_grad_(False)
+    return rewritten(copied, levels, (_make_traceable,))
+
+
+def _make_traceable(network: nn.Module) -> int:
+    """Rewrite what can be rewritten exactly; return how many layers that are."""
+    count = fold_batch_norm(network)
+    for parent in list(network.modules()):
         for name, layer in parent.named_children():
             if CeilMaxPool.fits(layer):
                 setattr(parent, name, CeilMaxPool(layer))  # type: ignore[arg-type]  # as it fits
-            elif isinstance(layer, nn.LocalResponseNorm) and layer.size % 2:
+            elif type(layer) is nn.LocalResponseNorm:
                 setattr(parent, name, BandedResponseNorm(layer))
-    return copied
+            else:
+                continue
+            count += 1
+    return count
 
 
 def fused_scores(partials: Sequence[Tensor], draws: Tensor) -> Tensor:
@@ -189,11 +209,11 @@ class ClassifierGraph(nn.Module):
         senses = classifier.senses
         self.modalities = {name: sense.modality for name, sense in senses.items()}
         self.fronts = nn.ModuleDict({name: _front(sense) for name, sense in senses.items()})
-        networks = {name: exportable(sense.network) for name, sense in senses.items()}
+        self.levels = {name: classifier.embedding_layer(name) for name in senses}
+        networks = {name: exportable(senses[name], [level]) for name, level in self.levels.items()}
         self.networks = nn.ModuleDict(networks)
         self.fused = classifier.fusion is not None
-        self.fusion: Any = exportable(classifier.fusion) if classifier.fusion else None
-        self.levels = {name: classifier.embedding_layer(name) for name in senses}
+        self.fusion: Any = deepcopy(classifier.fusion)
         self.scored = {name: classifier.level(name) != self.levels[name] for name in senses}
         known = {name: classifier.statistics_of(name) for name in senses}
         told = bool(classifier.card.novelties) and None not in known.values()

@@ -4,9 +4,13 @@ Layers are rewritten by exact algebra, so that only the rounding of float32 diff
 :class:`Costs` counts the multiply-accumulates of a decision before it is made.
 """
 
-from collections.abc import Callable, Iterator
-from copy import deepcopy
+import logging
+import math
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import suppress
 from functools import lru_cache
+from itertools import product
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -15,89 +19,26 @@ from torch.utils.flop_counter import FlopCounterMode
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
+from tex_lightning.core.console import log_once
+from tex_lightning.networks.blocks import Level, independent_copy, is_builtin
+from tex_lightning.networks.folding import FastResponseNorm, fold_batch_norm, sequences
+from tex_lightning.senses.base import Sense
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
-PIECE = 1 << 18  # elements; with two float32 buffers of this size the cache is not exceeded
+# Noise on which a rewritten network is compared, until the network takes it
+SECONDS, AXES = (4, 16), (1, 3)
+SIDES = (64, 160, 320, 640)  # pixels
+TOLERANCE, TINY = 1e-3, 1e-6  # of the largest output, and besides
+ROUNDINGS = 8  # the same, in roundings of weights in half precision
+
+log = logging.getLogger(__name__)
 
 
-class FastResponseNorm(nn.Module):
-    """``x / (k + alpha / 5 * sum of the squares of 5 channels)^0.75`` across channels.
+class Probe(NamedTuple):
+    """Input of a network and its outputs at some levels."""
 
-    PyTorch averages over a padded copy with the channels as a spatial axis, and raises to a power
-    with logarithms. Here four shifted additions give the sum and two roots the power, on pieces
-    of the image with the channels innermost, which stay in the cache.
-
-    Args:
-        layer: PyTorch's layer, of size 5 and beta 0.75 as in AlexNet.
-    """
-
-    def __init__(self, layer: nn.LocalResponseNorm) -> None:
-        super().__init__()
-        if layer.size != 5 or layer.beta != 0.75:
-            raise ValueError(f"size {layer.size} and beta {layer.beta} are not those of AlexNet")
-        self.scale, self.k = layer.alpha / layer.size, layer.k
-
-    def forward(self, x: Tensor) -> Tensor:
-        """Normalise (B, C, H, W) across C, in place where the channels are innermost."""
-        pixels = x.permute(0, 2, 3, 1).contiguous()
-        flat = pixels.flatten(0, 2)
-        # elsewhere than on a CPU many small pieces cost more than they save
-        count = max(1, PIECE // flat.shape[1]) if x.device.type == "cpu" else len(flat)
-        for piece in torch.split(flat, count):
-            values = piece.float()
-            squares = values.square().mul_(self.scale)
-            sums = squares + self.k
-            for distance in (1, 2):
-                sums[:, distance:] += squares[:, :-distance]
-                sums[:, :-distance] += squares[:, distance:]
-            factor = sums.rsqrt_()
-            piece.copy_(values.mul_(factor).mul_(factor.sqrt_()))
-        return pixels.permute(0, 3, 1, 2)
-
-
-def fold_batch_norm(network: nn.Module) -> None:
-    """Make batch normalisation part of the convolution before it, wherever that is exact.
-
-    In HapticNet a maximum lies between the two. It commutes with s * x + b where s > 0, so that a
-    layer with a scale that is not positive keeps its normalisation.
-    """
-    for layers in _sequences(network):
-        names = list(layers._modules)
-        for place, name in enumerate(names):
-            norm = layers[place]
-            if not isinstance(norm, nn.BatchNorm2d):
-                continue
-            pooled = isinstance(layers[place - 1], nn.MaxPool2d)
-            before = place - 2 if pooled else place - 1
-            conv = layers[before]
-            scale, shift = _affine(norm)
-            if isinstance(conv, nn.Conv2d) and not (pooled and bool((scale <= 0).any())):
-                layers[before] = _scaled(conv, scale, shift)
-                setattr(layers, name, nn.Identity())
-
-
-def _sequences(network: nn.Module) -> Iterator[nn.Sequential]:
-    for module in list(network.modules()):
-        if isinstance(module, nn.Sequential):
-            yield module
-
-
-def _affine(norm: nn.BatchNorm2d) -> tuple[Tensor, Tensor]:
-    """Scale and shift (channels,) in float64 of a normalisation by running statistics."""
-    mean, variance = norm.running_mean, norm.running_var
-    if mean is None or variance is None:
-        raise ValueError("batch normalisation without running statistics cannot be folded")
-    scale = norm.weight.double() / (variance.double() + norm.eps).sqrt()
-    return scale, norm.bias.double() - mean.double() * scale
-
-
-@torch.no_grad()
-def _scaled(conv: nn.Conv2d, scale: Tensor, shift: Tensor) -> nn.Conv2d:
-    """Return a convolution that gives ``scale * conv(x) + shift``."""
-    bias = shift if conv.bias is None else shift + scale * conv.bias.double()
-    conv.weight.copy_(conv.weight.double() * scale[:, None, None, None])
-    conv.bias = nn.Parameter(bias.to(conv.weight.dtype), requires_grad=False)
-    return conv
+    x: Tensor
+    scores: list[Tensor]
 
 
 def accelerate(classifier: SurfaceClassifier, config: EngineConfig) -> SurfaceClassifier:
@@ -114,25 +55,124 @@ def accelerate(classifier: SurfaceClassifier, config: EngineConfig) -> SurfaceCl
         return classifier
     device = classifier.device
     # on the CPU: not every device computes in float64
-    fast = deepcopy(classifier).cpu().eval().requires_grad_(False)
-    for sense in fast.senses.values():
+    fast = independent_copy(classifier).cpu().eval().requires_grad_(False)
+    for name, sense in fast.senses.items():
         sense.tile = config.tile
         for features in sense.features.modules():
             if isinstance(features, SpectrogramFeatures):
                 features.fast_spectrogram = config.fast and device.type == "cpu"
         if config.fast:
-            _rewrite(sense.network)
+            sense.network = rewritten(sense, set(fast.layers[name]), REWRITINGS)
     fast.to(device)
     return fast
 
 
-def _rewrite(network: nn.Module) -> None:
-    fold_batch_norm(network)
-    for layers in _sequences(network):
+def _rewrite(network: nn.Module) -> int:
+    """Rewrite what can be rewritten exactly; return how many layers that are."""
+    count, in_place = fold_batch_norm(network), is_builtin(network)
+    for layers in sequences(network):
         for place, layer in enumerate(layers):
-            if isinstance(layer, nn.LocalResponseNorm):
-                layers[place] = FastResponseNorm(layer)
-    network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # no stub
+            if FastResponseNorm.fits(layer):
+                layers[place] = FastResponseNorm(layer, in_place=in_place)  # type: ignore[arg-type]
+                count += 1
+    return count
+
+
+def _rewrite_channels_last(network: nn.Module) -> int:
+    """Do the same, and lay out images with the channels innermost, which is faster."""
+    count, layout = _rewrite(network), torch.channels_last
+    images = [values for values in network.parameters() if values.dim() == 4]
+    for values in images:
+        values.data = values.data.contiguous(memory_format=layout)
+    return count + len(images)
+
+
+REWRITINGS = (_rewrite_channels_last, _rewrite)  # the second for what depends on the layout
+
+
+def rewritten(
+    sense: Sense, levels: Collection[Level], ways: Sequence[Callable[[nn.Module], int]]
+) -> nn.Module:
+    """Return a sense's network rewritten, or as it is where no rewritten copy is equal to it.
+
+    This package's networks consist of patterns that are rewritten exactly. Another network may do
+    with its layers what no pattern tells, so that its copy has to give the same on noise.
+
+    Args:
+        sense: On the CPU, in evaluation mode, without gradients. A network of this package's is
+            changed, another is copied.
+        levels: Levels at which the network is used.
+        ways: Functions that change a network and return at how many places, the best one first.
+    """
+    network = sense.network
+    if is_builtin(network):
+        ways[0](network)
+        return network
+    expected = _probe(sense, levels)
+    if expected is None:
+        return network
+    for rewrite in ways:
+        copied = independent_copy(network)
+        if not rewrite(copied):  # as it was
+            return network
+        sense.network = copied
+        if _agrees(sense, levels, expected):
+            return copied
+        sense.network = network
+    log_once(
+        log,
+        f"Layers of model.{sense.name}.network ({type(network).__name__}) were rewritten to run "
+        "faster and then gave other scores, so it runs as it was trained; layers that are used one "
+        "by one belong into an nn.ModuleList and not into an nn.Sequential.",
+        logging.WARNING,
+    )
+    return network
+
+
+def _probe(sense: Sense, levels: Collection[Level]) -> Probe | None:
+    """Run a network on noise, as large as it needs; None where it makes no finite scores of any."""
+    for recording in _noise(sense):
+        with suppress(Exception):  # which is raised again where the network is used
+            x = sense.dense_input(recording)
+            probe = Probe(x, _scores(sense, x, levels))
+            return probe if all(bool(scores.isfinite().all()) for scores in probe.scores) else None
+    return None
+
+
+def _noise(sense: Sense) -> Iterator[Tensor]:
+    """Yield decoded recordings of noise, larger and larger ones."""
+    generator = torch.Generator().manual_seed(0)
+    if sense.medium == "photo":
+        for side in SIDES:
+            yield torch.randint(256, (side, side, 3), generator=generator, dtype=torch.uint8)
+    else:
+        rate = getattr(sense.decoder, "sampling_rate", 1.0)
+        for seconds, axes in product(SECONDS, AXES):
+            yield torch.randn(axes, math.ceil(seconds * rate), generator=generator)
+
+
+@torch.inference_mode()
+def _scores(sense: Sense, x: Tensor, levels: Collection[Level]) -> list[Tensor]:
+    """Return the outputs of a network at some levels; what it draws is the same in every call."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(0)
+        return [sense.score(x.clone(), level).float() for level in sorted(levels)]
+
+
+def _agrees(sense: Sense, levels: Collection[Level], expected: Probe) -> bool:
+    """Return whether a network gives what is expected but for rounding."""
+    weights = next(sense.network.parameters(), expected.x)
+    share = max(TOLERANCE, ROUNDINGS * torch.finfo(weights.dtype).eps)
+    try:
+        outputs = _scores(sense, expected.x, levels)
+    except Exception as error:  # of a user's class that depends on the layout of its layers
+        log.debug("%s: %s", type(sense.network).__name__, error)
+        return False
+    return all(
+        one.shape == other.shape
+        and float((one - other).abs().max()) <= share * float(one.abs().max()) + TINY
+        for one, other in zip(expected.scores, outputs, strict=True)
+    )
 
 
 def count_macs(function: Callable[[], object]) -> int:

@@ -122,9 +122,11 @@ class SurfaceModule(LightningModule):
             senses = self.classifier.senses.values()
             networks = nn.ModuleList(sense.network for sense in senses)
             return list(networks.parameters()), list(self.fusion.parameters())
-        backbone = list(getattr(self.network, "trunk", self.network).parameters())
-        trunk = set(backbone)
-        return backbone, [weight for weight in self.network.parameters() if weight not in trunk]
+        trunk = getattr(self.network, "trunk", None)
+        whole = trunk if isinstance(trunk, nn.Module) else self.network
+        backbone = list(whole.parameters())
+        slow = set(backbone)
+        return backbone, [weight for weight in self.network.parameters() if weight not in slow]
 
     def scores(self, batch: Batch) -> Tensor:
         """Return class scores (batch, classes, fragments or tuples) of a training batch."""

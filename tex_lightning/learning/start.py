@@ -60,7 +60,7 @@ def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
     """
     sense, network = classifier.card.kind, classifier.network
     trunk: Any = getattr(network, "trunk", None)
-    if trunk is None:
+    if not isinstance(trunk, nn.Module):
         raise UserError(f"weights: {type(network).__name__} has no trunk to fill; leave it null.")
     start = starting_classifier(source, sense)
     if start is not None:

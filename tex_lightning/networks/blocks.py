@@ -1,10 +1,12 @@
 """Shared parts of the networks: channel scaling, geometry, layers, initialisation, the head."""
 
 from collections.abc import Iterable
-from typing import Literal, NamedTuple, cast
+from copy import deepcopy
+from typing import Literal, NamedTuple, TypeVar, cast
 
 from torch import Tensor, nn
 from torch.nn.functional import pad
+from torch.utils._pytree import tree_leaves
 
 from tex_lightning.errors import UserError
 
@@ -83,6 +85,20 @@ def is_builtin(part: nn.Module) -> bool:
     """Return whether a part is this package's, and no module in it is of another."""
     packages = [type(module).__module__.partition(".")[0] for module in part.modules()]
     return packages[0] == PACKAGE and all(package in KNOWN for package in packages)
+
+
+M = TypeVar("M", bound=nn.Module)
+
+
+def independent_copy(module: M) -> M:
+    """Copy a module; what it keeps of a pass is copied without the graph behind it.
+
+    Weights of ``torch.nn.utils.weight_norm`` and activations that a network keeps are results of a
+    computation, which ``deepcopy`` rejects.
+    """
+    kept = tree_leaves([vars(part) for part in module.modules()])
+    results = [x for x in kept if isinstance(x, Tensor) and x.grad_fn is not None]
+    return deepcopy(module, {id(x): x.detach().clone() for x in results})
 
 
 def scaled(channels: int, width: float) -> int:

@@ -7,7 +7,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.networks.blocks import Level, initialise_scores, score_layer_of
+from tex_lightning.networks.blocks import Head, Level, initialise_scores, score_layer_of
 
 
 class FusionLayer(nn.Module):
@@ -47,8 +47,9 @@ class FusionLayer(nn.Module):
     def remove_scores(self, networks: Iterable[nn.Module]) -> None:
         """Remove FC3 and its dropout from built-in networks that are fused on FC2."""
         for network, level in zip(networks, self.levels, strict=True):
-            if level == "fc2" and hasattr(network, "head"):
-                network.get_submodule("head").scores = nn.Identity()
+            head = getattr(network, "head", None)
+            if level == "fc2" and isinstance(head, Head):
+                head.scores = nn.Identity()
 
     def fuse(self, parts: Sequence[Tensor], tuples: Tensor | None = None) -> Tensor:
         """Return the class scores (B, classes, P) of tuples of positions.

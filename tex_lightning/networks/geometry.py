@@ -11,7 +11,6 @@ predictions that this reaches are computed and thrown away.
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from copy import deepcopy
 from dataclasses import dataclass
 from itertools import count, product
 from math import prod
@@ -20,7 +19,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.networks.blocks import SameConv2d, Window, is_builtin
+from tex_lightning.networks.blocks import SameConv2d, Window, independent_copy, is_builtin
 
 MAX_ELEMENTS = 1 << 22  # of an input that is tried
 MARGINS = 2  # receptive fields along an axis of a piece; of less, most is computed several times
@@ -72,9 +71,9 @@ def geometry_of(
         example: Makes an input (1, C, H, W) of it.
         rows_vary: Whether inputs may have any height; else they have that of the example.
     """
-    values, declared = vars(network), getattr(network, "window_size", None)
+    values, declared = vars(network), declared_size(network, "window_size")
     if is_builtin(network):
-        least: Any = getattr(network, "min_size", None)
+        least: Any = declared_size(network, "min_size")
         return None if declared is None else Geometry(_layers(network), declared, least)
     if "probed_geometry" not in values:
         values["probed_geometry"] = None
@@ -84,16 +83,25 @@ def geometry_of(
     return geometry
 
 
+def declared_size(network: nn.Module, name: str) -> tuple[int, int] | None:
+    """Return the height and width that an attribute of a network says, if it is a size."""
+    size = getattr(network, name, None)
+    if not isinstance(size, Sequence) or [type(side) for side in size] != [int, int]:
+        return None
+    return size[0], size[1]
+
+
 def _layers(network: nn.Module) -> Layers:
     return layer_windows(network, 0), layer_windows(network, 1)
 
 
 def _probe(network: nn.Module, example: Tensor, *, rows_vary: bool) -> Geometry | None:
     """Return the geometry that the layers of a network tell, if it cuts and counts as they do."""
-    network, layers = deepcopy(network).eval(), _layers(network)  # it may keep what it is given
+    network = independent_copy(network).eval()  # it may keep what it is given
+    layers = _layers(network)
     sides = [next(side for side in count(1) if side_after(windows, side)) for windows in layers]
     least = (sides[0] if rows_vary else example.shape[2]), sides[1]
-    window = getattr(network, "window_size", least)
+    window = declared_size(network, "window_size") or least
     geometry = Geometry(layers, window, least)
     if geometry.output_size(*window) != (1, 1):
         geometry = Geometry(layers, least, least)

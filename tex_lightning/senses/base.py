@@ -19,7 +19,13 @@ from tex_lightning.data.recordings import Recording, name_one
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError, reason, shorten
 from tex_lightning.networks.blocks import Level, is_builtin
-from tex_lightning.networks.geometry import Geometry, affordable, geometry_of, in_tiles
+from tex_lightning.networks.geometry import (
+    Geometry,
+    affordable,
+    declared_size,
+    geometry_of,
+    in_tiles,
+)
 
 Change = Callable[[Tensor], Tensor]
 
@@ -275,7 +281,7 @@ class Sense(nn.Module, ABC):
     def known_min_size(self) -> tuple[int, int] | None:
         """Height and width of the smallest input that gives a position, if that is known."""
         geometry = self.geometry
-        return getattr(self.network, "min_size", None) if geometry is None else geometry.min_size
+        return declared_size(self.network, "min_size") if geometry is None else geometry.min_size
 
     @cached_property
     def min_size(self) -> tuple[int, int]:

@@ -4,7 +4,6 @@ The paper compares its networks with such windows (section IV, "Time profiling")
 """
 
 from collections.abc import Callable, Iterator
-from copy import deepcopy
 from functools import partial
 from math import prod
 from typing import Any
@@ -17,6 +16,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig, ProfileConfig
 from tex_lightning.data.decode import Array, SignalDecoder, to_rate
 from tex_lightning.inference.engine import accelerate, count_macs
+from tex_lightning.networks.blocks import Head, independent_copy
 from tex_lightning.senses.base import Sense
 from tex_lightning.studies.timing import Timing, interleaved, waiting
 from tex_lightning.synthetic import make_materials
@@ -46,9 +46,9 @@ class WindowNet(nn.Module):
 
     def __init__(self, network: nn.Module) -> None:
         super().__init__()
-        whole: Any = deepcopy(network)
+        whole: Any = independent_copy(network)
         self.trunk, self.head = whole, nn.Sequential(nn.Flatten())
-        self.connected = hasattr(whole, "trunk") and hasattr(whole, "head")
+        self.connected = hasattr(whole, "trunk") and isinstance(getattr(whole, "head", None), Head)
         if self.connected:
             leaves = [leaf for leaf in whole.head.modules() if not list(leaf.children())]
             self.trunk = whole.trunk
