@@ -14,7 +14,8 @@ from tex_lightning.config import flatten
 from tex_lightning.core.console import console
 
 FOREMOST = "ratio"
-LONG = ("accuracy", "adaptation", "digests", "faults", "hostile", "mutants", "mutations")  # by name
+LONG = ("accuracy", "adaptation", "digests", "faults", "hostile", "mutants", "mutations",
+        "shapes")  # by name  # fmt: skip
 
 
 def names() -> list[str]:

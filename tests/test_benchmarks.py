@@ -1,12 +1,18 @@
 """The runner of the benchmarks; what they measure is measured by them."""
 
+import math
 import shutil
+from itertools import product
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.stats import multinomial
 
 from benchmarks import __main__ as runner
-from benchmarks import accuracy
+from benchmarks import accuracy, shapes
+from benchmarks._changes import Item, apply
+from benchmarks._paired import Cell, compare, paired_interval, to_table
 from tex_lightning.data.recordings import Recording
 from tex_lightning.errors import UserError
 
@@ -81,3 +87,149 @@ def test_rows_are_divided_by_group_by_number_and_by_condition():
 def test_balanced_scores_are_means_of_the_classes():
     tested = [("x", "x", 1.0)] * 3 + [("y", "x", 1.0)]
     assert [accuracy.score(tested, balanced) for balanced in (False, True)] == [0.75, 0.5]
+
+
+SHAPES = """
+common: [task=fit, data.val_fold=null, logger=csv, verbose=0]
+data:
+  waves:
+    reads: [data=folder, "data.root=$DATA"]
+    divide: {haptic: {train: 4, every: 3}}
+    models: [bands]
+models:
+  bands: {overrides: [model=haptic_bands], once: true}
+shapes:
+  any: {unchanged: {}}
+  haptic: {test_tiny: {test: {cut: {value: 0.01, count: 1}}}, test_flat: {test: {flat: null}}}
+"""
+
+
+def test_shapes_are_compared_with_the_unchanged_data(surfaces, tmp_path, monkeypatch):
+    table = tmp_path / "table.yaml"
+    table.write_text(SHAPES)
+    where = {"data": str(surfaces), "table": str(table), "out": str(tmp_path / "out")}
+    figures = shapes.measure(**where)
+    assert figures["waves.unchanged.bands"] == "6/6"
+    assert figures["waves.test_flat.bands"].startswith("2/6, -66.7 (")
+    assert figures["waves.test_tiny.bands"].startswith("refused: 1 of 6 files cannot be used")
+    assert str(tmp_path) not in figures["waves.test_tiny.bands"]
+
+    monkeypatch.setattr(shapes, "classify", lambda *_: pytest.fail("runs again"))
+    again = shapes.measure(**where, models="bands", only="test_f", before=where["out"])
+    assert again.items() <= figures.items()
+    assert len(again) == 2 + 1
+    table, results = (tmp_path / "out" / f"shapes.{kind}" for kind in ("md", "csv"))
+    assert table.read_text().startswith("| set | shape | bands before | bands |")
+    assert len(results.read_text().splitlines()) == 1 + 3
+    with pytest.raises(UserError, match="tset begins no name; choose from test_flat, test_tiny, "):
+        shapes.measure(**where, only="tset")
+
+
+def test_shapes_that_lose_significantly_are_bold():
+    def results(*hits):
+        outcomes = {str(n): ("x", "xy"[not hit]) for n, hit in enumerate(hits)}
+        return {"outcomes": outcomes, "said": "", "fit_seconds": 1.0}
+
+    lines = compare({
+        Cell("set", "unchanged", "model"): results(*[True] * 20),
+        Cell("set", "five", "model"): results(*[False] * 5, *[True] * 15),
+        Cell("set", "six", "model"): results(*[False] * 6, *[True] * 14),
+        Cell("set", "back", "model", "six"): results(*[True] * 20),
+        Cell("set", "none", "model"): {"said": "refused: no\n- a_b"},
+    })  # fmt: skip
+    assert [(line["lost"], line["gained"]) for line in lines[:4]] == [
+        (0, 0),
+        (5, 0),
+        (6, 0),
+        (0, 6),
+    ]
+    *_, five, six, back, none = to_table(lines, lines[:1]).splitlines()
+    assert five.startswith("| set | five |  | 15/20, -25.0 (-4")
+    assert six.startswith("| set | six |  | **14/20, -30.0 (-")
+    assert back.startswith("| set | back (than six) |  | 20/20, +30.0 (")
+    assert none == "| set | none |  | refused: no - a_b |"
+
+
+def items(modality="haptic", axes=1, rate=1000.0):
+    """Two classes with six recordings each: two of training, two tested, two spare."""
+    rng = np.random.default_rng(0)
+    array = (axes, 2000) if modality == "haptic" else (40, 60, 3)
+    return [
+        Item(
+            f"{label}{n}", label, n, ("train", "test", "spare")[n // 2], modality,
+            rng.standard_normal(array) if rate else rng.integers(256, size=array, dtype=np.uint8),
+            rate,
+        )
+        for label in "xy"
+        for n in range(6)
+    ]  # fmt: skip
+
+
+def test_every_shape_of_the_table_gives_recordings():
+    settings = accuracy.yaml.safe_load(Path(shapes.__file__).with_suffix(".yaml").read_text())
+    signals, photos = items(axes=3), items("image", rate=0.0)
+    for kind, lines in settings["shapes"].items():
+        unchanged = photos if kind == "image" else signals
+        for name, line in lines.items():
+            changes = {part: steps for part, steps in line.items() if part != "base"}
+            changed = apply(changes, unchanged, name)
+            assert {item.part for item in changed} == {"train", "test"}, name
+            assert len({item.key for item in changed}) == len(changed), name
+            assert all(np.isfinite(item.array).all() and item.array.size for item in changed), name
+            before = {item.key: item for item in unchanged}
+            if {*changes} == {"test"}:
+                kept = [item for item in changed if item.part == "train"]
+                assert all(item is before[item.key] for item in kept), name
+
+
+def changed(part, **steps):
+    return apply({part: steps}, items(), "name")
+
+
+def test_changes_of_signals_are_what_they_say():
+    (before, *_), (*_, hummed) = items(), changed("test", hum={"value": 20, "hertz": 60})
+    tone = np.abs(np.fft.rfft(hummed.array[0]))
+    assert np.fft.rfftfreq(2000, 1e-3)[tone.argmax()] == 60
+    (unhummed,) = [item for item in items() if item.key == hummed.key]
+    noise = (hummed.array - unhummed.array).var() / unhummed.array.var()
+    assert 10 * math.log10(noise) == pytest.approx(-20, abs=0.1)
+
+    rested = changed("train", rest={"value": 0.5, "place": "middle"})[-1].array
+    assert rested.shape == (1, 2500)
+    assert rested[0, 1000:1500].std() == pytest.approx(before.array.std() / 100, rel=0.2)
+    faster = changed("all", at_rate=2)[0]
+    assert (faster.rate, faster.array.shape) == (2000.0, (1, 4000))
+    assert changed("all", cut=0.3)[0].array.shape == (1, 300)
+    loud = changed("all", by_class={"value": "gain", "low": 0.1, "high": 10})
+    ratios = {x.label: x.array.std() for x in loud if x.key in ("x0", "y0")}
+    assert ratios["y"] / ratios["x"] == pytest.approx(100, rel=0.1)
+
+
+def test_changes_of_lists_are_what_they_say():
+    def trained(**steps):
+        return sorted(x.key for x in changed("all", **steps) if x.part == "train")
+
+    assert trained(first=1) == ["x0", "y0"]
+    assert trained(first=4) == ["x0", "x1", "x4", "x5", "y0", "y1", "y4", "y5"]
+    assert trained(first={"value": 1, "classes": 1}) == ["x0", "y0", "y1"]
+    assert trained(unequal=[3, 1]) == ["x0", "x1", "x4", "y0"]
+    assert {x.group for x in changed("train", one_group=None) if x.part == "train"} == {"monday"}
+    labels = [x.label != x.key[0] for x in changed("train", wrong_labels=0.5)]
+    assert sum(labels) == 2
+    files = {x.key: x.array.shape[1] for x in changed("test", joined=1) if x.part == "test"}
+    assert files == {"x2": 5000, "y2": 5000}
+    assert sum(np.ptp(x.array) == 0 for x in changed("train", flat={"count": 1})) == 1
+    assert {x.label for x in changed("all", named="odd")} == {"1_0", "1e3"}
+
+
+@pytest.mark.parametrize(("lost", "gained"), [(0.02, 0.02), (0.1, 0.02), (0.3, 0.2)])
+def test_intervals_of_paired_differences_hold_their_level(lost, gained):
+    count, covered = 60, 0.0
+    for b, c in product(range(count + 1), repeat=2):
+        if b + c <= count:
+            _, low, high = paired_interval(b, c, count)
+            chance = multinomial.pmf(
+                [b, c, count - b - c], count, [lost, gained, 1 - lost - gained]
+            )
+            covered += chance * (low <= gained - lost <= high)
+    assert 0.94 < covered < 0.998
