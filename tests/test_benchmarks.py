@@ -80,7 +80,7 @@ def test_rows_are_divided_by_group_by_number_and_by_condition():
         return [[rows[n].group for n in range(4) if mask[n]] for mask in masks]
 
     assert tested({"first": 3}) == [[10]]
-    assert tested({"folds": 2}) == [[10, 2], [3, 1]]
+    assert tested({"folds": 2}) == [[3, 1], [10, 2]]
     assert tested({"tests": [{"lamp": "b"}, {"lamp": ["a", "b"]}]}) == [[3, 1], [10, 2, 3, 1]]
 
 

@@ -117,8 +117,8 @@ def test_whoever_has_chosen_keeps_the_choice(surfaces, tmp_path, monkeypatch, as
 @pytest.mark.parametrize("session", ["{} June", "{}"])
 def test_ten_folds_of_five_groups_become_five(surfaces, tmp_path, session):
     rows = [
-        replace(row, group=session.format(row.group % 5)) for row in read_folder(surfaces)
-        if row.modality == "haptic"
+        replace(row, group=session.format(at % 5))
+        for at, row in enumerate(read_folder(surfaces).of("haptic"))
     ]  # fmt: skip
     write_manifest(Recordings(tuple(rows)), tmp_path / "m.csv")
     given = ("model=haptic", "data=manifest", f"data.manifest={tmp_path}/m.csv")

@@ -1,3 +1,4 @@
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,6 +8,7 @@ from hypothesis import strategies as st
 
 from tex_lightning.config import Folding
 from tex_lightning.data.folds import (
+    absent_classes,
     check_conditions,
     check_split,
     comparable,
@@ -56,8 +58,8 @@ def test_ten_folds_of_five_groups_are_five(numbers):
     numbered = Recordings(tuple(Recording("a", "haptic", Path(), number) for number in numbers))
     named = Recordings(tuple(replace(row, group=f"day {row.group}") for row in numbered))
     for rows in (numbered, named):
-        assert count_folds(rows, 10) == 5
         asked, fitting = (with_folds(rows, folds) for folds in (10, 5))
+        assert count_folds(asked) == 5
         assert sorted(row.fold for row in asked) == [0, 1, 2, 3, 4]
         assert [row.fold for row in asked] == [row.fold for row in fitting]
 
@@ -77,9 +79,8 @@ def test_named_groups_stay_together_across_modalities_and_no_fold_is_empty(group
     )
     found = with_folds(Recordings(rows), folds)
     assert len({(row.group, row.fold) for row in found}) == len({row.group for row in found})
-    count = count_folds(Recordings(rows), folds)
     if len({row.group for row in found}) > 1:
-        assert {row.fold for row in found} == set(range(count))
+        assert {row.fold for row in found} == set(range(count_folds(found)))
     turned = with_folds(Recordings(rows[::-1]), folds)
     assert [row.fold for row in turned][::-1] == [row.fold for row in found]  # no chance, no order
 
@@ -88,7 +89,45 @@ def test_inverted_swaps_training_and_test_and_leaves_validation_out_of_both():
     rows = table(a=(8, 0), b=(8, 0))
     plain, turned = (split(rows, by(4, 2, 1, inverted)) for inverted in (False, True))
     assert (turned.train, turned.val, turned.test) == (plain.test, plain.val, plain.train)
-    assert {row.group % 4 for row in turned.train} == {2}  # numbers decide, modulo the folds
+    assert {row.group % 4 for row in turned.train} == {2}  # in natural order, modulo the folds
+
+
+@pytest.mark.parametrize("name", [int, str, "take {}".format, "{:04}".format])
+@pytest.mark.parametrize("strokes", [10, 4])
+def test_strokes_numbered_in_the_order_of_recording_give_folds_of_all_classes(name, strokes):
+    """One class after the other, counted through: the folds were of one class each."""
+    rows = [
+        Recording(label, "haptic", Path(f"{label}{n}"), name(kind * strokes + n))
+        for kind, label in enumerate("abcde")
+        for n in range(strokes)
+    ]
+    found = with_folds(Recordings(tuple(rows)), 10)
+    assert count_folds(found) == strokes
+    by_fold = Counter((row.fold, row.label) for row in found)
+    assert by_fold == {(fold, label): 1 for fold in range(strokes) for label in "abcde"}
+
+
+@given(
+    rows=st.lists(st.tuples(st.sampled_from("abc"), st.integers(0, 30)), min_size=2, max_size=60),
+    folds=st.integers(2, 10),
+)
+def test_numbers_and_text_are_groups_alike(rows, folds):
+    numbered = [Recording(label, "haptic", Path(), number) for label, number in rows]
+    named = [replace(row, group=f"session {row.group}") for row in numbered]
+    found = [with_folds(Recordings(tuple(each)), folds) for each in (numbered, named)]
+    assert [row.fold for row in found[0]] == [row.fold for row in found[1]]
+    assert len({(row.group, row.fold) for row in found[0]}) == len({row.group for row in found[0]})
+
+
+def test_ten_strokes_and_forty_photos_keep_their_documented_folds():
+    rows = with_folds(table(a=(10, 40), b=(10, 40), c=(10, 40)), 10)
+    assert [row.fold for row in rows] == [row.group % 10 for row in rows]
+
+
+def test_classes_that_a_part_lacks_are_those_without_a_whole_sample():
+    rows = table(a=(1, 1), b=(1, 0), c=(0, 1))
+    assert absent_classes(rows, "abcd", ("haptic", "image")) == ["b", "c", "d"]
+    assert absent_classes(rows, "abcd", ("image",)) == ["b", "d"]
 
 
 @given(folds=st.integers(2, 10), fold=st.integers(0, 9), count=st.integers(1, 12))

@@ -62,15 +62,35 @@ def test_parts_of_a_file_may_share_it_unless_they_overlap(tmp_path):
             read_manifest(manifest(tmp_path, header + lines))
 
 
-def test_a_group_is_any_text_and_a_number_counts_inside_its_class(tmp_path):
+def test_a_group_is_any_text_and_the_same_in_all_classes(tmp_path):
     names = ["0", "007", "-1", "1.0", "F120_V-100_0", "Jörg, Mo", "9" * 30, "²"]
     lines = [f'w,haptic,a.wav,"{name}",{n / 8}-{(n + 1) / 8}\n' for n, name in enumerate(names)]
     path = manifest(tmp_path, "label,modality,path,group,part\n" + "".join(lines))
     rows = read_manifest(path).rows
     assert [row.group for row in rows] == [0, 7, *names[2:]]
-    assert [row.group_key for row in rows] == ["w/0", "w/7", *names[2:]]
+    assert [row.group_key for row in rows] == ["0", "7", *names[2:]]
     write_manifest(Recordings(rows), tmp_path / "again.csv")
     assert read_manifest(tmp_path / "again.csv").rows == rows
+
+
+@pytest.mark.parametrize(
+    ("cells", "folds", "note"),
+    [
+        (["1", "0", "2"], [1, 0, 2], None),
+        (["10", "1", "2"], [2, 0, 1], "numbered from 0: 0 is 1, 1 is 2, 2 is 10."),
+        (["train", "test", "train"], [1, 0, 1], "0 is test, 1 is train"),
+        (["", "", ""], [None] * 3, None),
+    ],
+)
+def test_a_column_fold_fixes_the_folds_and_is_no_condition(tmp_path, cells, folds, note):
+    lines = [f"w,haptic,{n}.wav,{n},{cell},60\n" for n, cell in enumerate(cells)]
+    path = manifest(tmp_path, "label,modality,path,group,fold,speed\n" + "".join(lines))
+    table = read_manifest(path)
+    assert [row.fold for row in table] == folds
+    assert {row.conditions for row in table} == {(("speed", "60"),)}
+    assert [note in text for text in table.notes] == ([] if note is None else [True])
+    write_manifest(table, tmp_path / "again.csv")
+    assert [row.fold for row in read_manifest(tmp_path / "again.csv")] == folds
 
 
 @pytest.mark.parametrize(
@@ -85,6 +105,10 @@ def test_a_group_is_any_text_and_a_number_counts_inside_its_class(tmp_path):
         ("label,modality,path,group,part\nw,haptic,a.wav,0,0.5\n", "part '0.5'.* such as 0-0.5"),
         ("label,modality,path,group,part\nw,haptic,a.wav,0,0.5-0.1\n", "part '0.5-0.1'; give two"),
         (HEADER + ",haptic,a.wav,1\n", "label ''; give a name"),
+        (
+            "label,modality,path,group,fold\nw,haptic,a.wav,0,1\nw,haptic,b.wav,1,\n",
+            "line 3 has no fold; fill in the column fold everywhere or nowhere",
+        ),
         (HEADER + "w,haptic,a.wav,0\nw\n", "line 3 has modality ''"),
         (HEADER + "w,haptic,a.wav,0\nv,haptic,a.wav,1\n", "in record 1 and in record 2"),
         (HEADER + f"w,{'-' * 5000},a.wav,0\n", "has modality .*more characters"),
@@ -178,6 +202,7 @@ def test_what_is_no_table_is_refused(given, said):
         ("path", ["a.wav", None]),
         ("group", [-1, " ", 1.0, None, np.zeros(2)]),
         ("sampling_rate", [0.0, -1, "100", float("nan"), float("inf")]),
+        ("fold", [-1, "1", 0.5]),
     ],
 )
 def test_a_wrong_field_is_named_with_its_record(field, values):
@@ -185,3 +210,12 @@ def test_a_wrong_field_is_named_with_its_record(field, values):
         rows = (*ROWS[:4], replace(ROWS[4], **{field: value}))
         with pytest.raises(UserError, match=rf"^Record 5 of .* Mine .* has {field} .*; give "):
             checked_table(Recordings(rows), "Mine")
+
+
+def test_folds_of_a_table_are_for_all_and_divide_no_group_in_silence():
+    fixed = [replace(row, fold=row.group) for row in ROWS]
+    assert checked_table(Recordings(tuple(fixed)), "Mine").notes == ()
+    (note,) = checked_table(Recordings((*fixed[:-1], replace(fixed[-1], fold=0))), "Mine").notes
+    assert "divide 1 groups, 2 into folds 0, 2" in note
+    with pytest.raises(UserError, match="no fold; give every recording one, or none"):
+        checked_table(Recordings((*fixed[:-1], ROWS[-1])), "Mine")

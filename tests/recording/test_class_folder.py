@@ -69,7 +69,7 @@ def test_nothing_that_was_there_is_touched(tmp_path):
     assert written.name == "oak_008.wav"
     assert {path: path.read_bytes() for path in before} == before
     groups = {path.name: group for _, _, path, group in both(tmp_path.resolve())}
-    assert groups == {"a.wav": 0, "oak_007.wav": 1, "oak_008.wav": 2}
+    assert groups == {"a.wav": "oak/0", "oak_007.wav": "oak/1", "oak_008.wav": "oak/2"}
 
 
 @pytest.mark.parametrize("broken", ["write_manifest", "_write_jpeg"])

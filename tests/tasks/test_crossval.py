@@ -42,7 +42,7 @@ def test_a_stopped_run_repeats_no_finished_fold(cli, tiny, crossvalidated, tmp_p
     original = train.train_network
     monkeypatch.setattr(
         "tex_lightning.studies.fold.train_network",
-        lambda *given: trained.append(given[2].test.rows[0].group) or original(*given),
+        lambda *given: trained.append(given[2].test.rows[0].fold) or original(*given),
     )
     arguments = ["task=crossval", "model=haptic", *tiny, f"hydra.run.dir={directory}", "logger=csv"]
     assert cli(*arguments, "crossval.only=[0,2]").status == 0

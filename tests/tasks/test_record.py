@@ -89,9 +89,9 @@ def test_all_senses_at_once(record, tmp_path):
     table = read_manifest(tmp_path / "DATA" / "manifest.csv")
     found = {row.modality: (row.path.name, row.group, row.sampling_rate) for row in table}
     assert found == {
-        "haptic": ("oak_001.wav", 0, RATE),
-        "sound": ("oak_001.wav", 0, 22_050),
-        "image": ("oak_001.jpg", 0, None),
+        "haptic": ("oak_001.wav", "oak/0", RATE),
+        "sound": ("oak_001.wav", "oak/0", 22_050),
+        "image": ("oak_001.jpg", "oak/0", None),
     }
     assert {row.conditions for row in table} == {(("speed", "60"),)}
     info = soundfile.info(tmp_path / "DATA" / "oak" / "sound" / "oak_001.wav")

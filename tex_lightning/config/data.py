@@ -27,7 +27,7 @@ class Folding:
     """How recordings are divided into folds, and which of them are trained on."""
 
     folds: int = key(
-        "number of folds; a numbered group is in the fold number modulo folds", "[2, 100000]"
+        "number of folds, at most the groups of a class; a column fold fixes them", "[2, 100000]"
     )
     test_fold: int | None = key(
         "test fold, not used for training or choices; null tests everything"

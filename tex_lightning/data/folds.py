@@ -1,10 +1,9 @@
 """Folds by group or by conditions, and samples: what is classified as one.
 
-Everything recorded together is tested together. Where groups are numbers a recording's fold is its
-number modulo the number of folds: the paper (section IV) trains on nine recordings of each class
-and tests on the tenth, ten times. Where some have names, groups are spread over the folds so that
-each has about as much of every class and modality. By conditions, what has the given values is
-tested.
+Everything recorded together is tested together. Groups, numbers and text alike, are spread over the
+folds so that each has about as much of every class and modality: of ten recordings of each class,
+nine are trained on and the tenth is tested, ten times, as in the paper (section IV). A table may
+fix the folds of its recordings. By conditions, what has the given values is tested.
 """
 
 import json
@@ -130,31 +129,38 @@ class Sample:
 def with_folds(recordings: Recordings, folds: int) -> Recordings:
     """Assign a fold to every recording of a table, unless all have one.
 
+    Groups are taken in natural order, so that of classes with equally many recordings the n-th of
+    each is in fold n, modulo their number.
+
     Args:
         recordings: The table; of a part of it folds may be others.
-        folds: Number of folds; of fewer groups each is a fold.
+        folds: Number of folds; of fewer groups in every class there are as many as those.
     """
     rows = recordings.rows
     if all(row.fold is not None for row in rows):
         return recordings
-    count = count_folds(recordings, folds)
-    if any(isinstance(row.group, str) for row in rows):
-        kinds = [(row.label, row.modality) for row in rows]
-        numbers = divide(kinds, [row.group_key for row in rows], count)
-    else:
-        groups = sorted({int(row.group) for row in rows})
-        whole = len({number % count for number in groups}) == min(len(groups), count)
-        fold_of = {number: number if whole else at for at, number in enumerate(groups)}
-        numbers = [fold_of[int(row.group)] % count for row in rows]
+    kinds, groups = [(row.label, row.modality) for row in rows], [row.group_key for row in rows]
+    of_kind = Counter(kind for kind, _ in {*zip(kinds, groups, strict=True)})
+    most = max(*of_kind.values(), min(2, len({*groups})))  # two groups are two folds, if of a class
+    order = {group: at for at, group in enumerate(sorted({*groups}, key=natural_key))}
+    width = len(str(len(order)))
+    names = [f"{order[group]:0{width}}" for group in groups]  # in whose order equals are taken
+    numbers = divide(kinds, names, min(folds, most))
     folded = zip(rows, numbers, strict=True)
     return replace(recordings, rows=tuple(replace(row, fold=fold) for row, fold in folded))
 
 
-def count_folds(recordings: Recordings, folds: int) -> int:
-    """Return the number of folds that a table has: as many as asked for, or as there are groups."""
-    named = any(isinstance(row.group, str) for row in recordings)
-    groups = {row.group_key if named else row.group for row in recordings}
-    return min(folds, len(groups)) if len(groups) > 1 else folds  # one cannot be divided
+def count_folds(recordings: Recordings) -> int:
+    """Return the number of folds of a table that has them; where all is in one, 2 to say so."""
+    return max(2, 1 + max(row.fold or 0 for row in recordings))
+
+
+def absent_classes(
+    part: Recordings, classes: Sequence[str], modalities: Sequence[str]
+) -> list[str]:
+    """Return the classes of which a part has no sample of all modalities together."""
+    there = [{row.label for row in part.of(modality)} for modality in modalities]
+    return [label for label in classes if not all(label in labels for labels in there)]
 
 
 def split(recordings: Recordings, by: Folding) -> Split:

@@ -62,13 +62,14 @@ def with_defaults(task: str, data: DataConfig, model: ModelConfig, job: Job) -> 
 
 
 def _with_real_folds(data: DataConfig, model: ModelConfig, job: Job) -> Job:
-    """Limit the number of folds to the number of groups."""
-    folds = count_folds(read_recordings(data, model.modalities), data.folds)
+    """Set the number of folds to those that the table fixes, or at most the groups of a class."""
+    folds = count_folds(read_recordings(data, model.modalities))
     if folds == data.folds:
         return job
     log.info(
-        "The recordings are of %d groups, so there are %d folds in place of data.folds=%d.",
-        folds, folds, data.folds,
+        "There are %d folds in place of data.folds=%d: the table says so in its column fold, or no "
+        "class has recordings of more groups.",
+        folds, data.folds,
     )  # fmt: skip
     return replace(job, overrides=(*job.overrides, f"data.folds={folds}"))
 

@@ -9,7 +9,7 @@ import csv
 import math
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from numbers import Integral, Real
 from pathlib import Path
@@ -69,9 +69,9 @@ def cut_part(array: npt.NDArray[Any], part: Part | None, path: Path) -> npt.NDAr
 MODALITIES = ("haptic", "image", "sound")  # that the package brings; others are a user's
 NAMES = {"haptic": "trace", "image": "photo"}  # of one recording, where that has another name
 COLUMNS = ("label", "modality", "path", "group")
-RATE, PART = "rate", "part"
-KNOWN = (*COLUMNS, RATE, PART)
-NUMBER = re.compile("[0-9]{1,18}")  # a group that counts; longer ones are names
+RATE, PART, FOLD = "rate", "part", "fold"
+KNOWN = (*COLUMNS, RATE, PART, FOLD)
+NUMBER = re.compile("[0-9]{1,18}")  # longer ones are names
 Conditions = tuple[tuple[str, str], ...]
 
 
@@ -84,16 +84,15 @@ class Recording:
         modality: ``haptic`` for an acceleration trace, ``image`` for a photo, ``sound``, or a
             custom name.
         path: The file.
-        group: Recordings with the same group are never divided between training and test. Either
-            any text, such as a session, a specimen or a person; or a whole number, which counts
-            inside the class and determines the fold.
+        group: Recordings with the same group, of whatever class, are never divided between training
+            and test: any text, such as a session, a specimen or a person, or a whole number.
         sampling_rate: Rate of a signal in Hz if the reader has it, else None (a WAV file states its
             rate; other formats have the configured rate).
         conditions: Conditions of the recording as names and values, such as
             ``("speed", "60")``; every further column of a manifest is one.
         part: The part of the file, as fractions of the length of a signal or of the width of a
             photo (see above); None is the whole file.
-        fold: Fold in the division of the whole table (:mod:`.folds`); None before it.
+        fold: Fold in the division of the whole table, from 0; None leaves that to :mod:`.folds`.
 
     Example:
         >>> import tex_lightning as tl
@@ -114,7 +113,7 @@ class Recording:
     @property
     def group_key(self) -> str:
         """Identity of the group among those of all classes and modalities."""
-        return self.group if isinstance(self.group, str) else f"{self.label}/{self.group}"
+        return str(self.group)
 
     @property
     def source(self) -> str:
@@ -204,8 +203,9 @@ def read_manifest(path: Path) -> Recordings:
 
     Relative paths are relative to the manifest; an optional column ``rate`` (Hz) gives the rate
     of traces whose format states none. A column ``part``, such as ``0-0.5``, is the position of a
-    recording in its file. All other columns are conditions of the recordings, such as speed, force
-    or light. ``group`` is any text or a number (:class:`Recording`).
+    recording in its file. A column ``fold`` fixes the folds: numbers from 0, or any other numbers
+    or names, which are counted in natural order. All other columns are conditions of the
+    recordings, such as speed, force or light. ``group`` is any text (:class:`Recording`).
 
     Raises:
         UserError: If the file is missing, a column is missing or a line cannot be understood.
@@ -244,7 +244,30 @@ def read_manifest(path: Path) -> Recordings:
     check_distinct(f"Manifest {path}", rows)
     if not rows:
         raise UserError(f"Manifest {path} lists no recordings; add lines {','.join(COLUMNS)}.")
-    return Recordings(tuple(rows))
+    told = {where: (line.get(FOLD) or "").strip() for where, line in lines.items()}
+    folds, notes = _fixed_folds(told)
+    placed = zip(rows, folds, strict=True)
+    return Recordings(tuple(replace(row, fold=fold) for row, fold in placed), notes)
+
+
+def _fixed_folds(told: Mapping[str, str]) -> tuple[list[int | None], tuple[str, ...]]:
+    """Return the fold of every line of a manifest, and a note where they are numbered anew.
+
+    Args:
+        told: By line the cell of the column ``fold``, empty where there is none.
+
+    Raises:
+        UserError: If some lines have a fold and others none.
+    """
+    names = sorted({cell for cell in told.values() if cell}, key=natural_key)
+    if not names:
+        return [None] * len(told), ()
+    if empty := [where for where, cell in told.items() if not cell]:
+        raise UserError(f"{empty[0]} has no fold; fill in the column fold everywhere or nowhere.")
+    same = all(NUMBER.fullmatch(name) and int(name) == at for at, name in enumerate(names))
+    note = ", ".join(f"{at} is {name}" for at, name in enumerate(names))
+    notes = () if same else (f"The folds of the column fold are numbered from 0: {shorten(note)}.",)
+    return [names.index(cell) for cell in told.values()], notes
 
 
 def write_manifest(recordings: Recordings, path: Path) -> None:
@@ -253,18 +276,20 @@ def write_manifest(recordings: Recordings, path: Path) -> None:
     Paths below the manifest's folder are written relative to it, so that both can move together.
     """
     folder = path.resolve().parent
-    parts = [PART] if any(row.part for row in recordings) else []
+    more = [PART] if any(row.part for row in recordings) else []
+    more += [FOLD] if any(row.fold is not None for row in recordings) else []
     names = list(dict.fromkeys(name for row in recordings for name, _ in row.conditions))
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(map(to_cell, [*COLUMNS, RATE, *parts, *names]))
+        writer.writerow(map(to_cell, [*COLUMNS, RATE, *more, *names]))
         for row in recordings:
             rate = "" if row.sampling_rate is None else row.sampling_rate
             file = row.path.resolve()
             if file.is_relative_to(folder):
                 file = file.relative_to(folder)
-            more = {PART: write_part(row.part) if row.part else "", **dict(row.conditions)}
-            values = [more.get(name, "") for name in (*parts, *names)]
+            part = write_part(row.part) if row.part else ""
+            told = {PART: part, FOLD: "" if row.fold is None else row.fold, **dict(row.conditions)}
+            values = [told.get(name, "") for name in (*more, *names)]
             cells = [row.label, row.modality, str(file), row.group, rate, *values]
             writer.writerow(map(to_cell, cells))
 
@@ -324,6 +349,10 @@ FIELDS: dict[str, tuple[Callable[[Any], bool], str]] = {
     ),
     "part": (
         lambda x: x is None or isinstance(x, tuple), "two rising fractions, such as 0-0.5, or none"
+    ),
+    "fold": (
+        lambda x: x is None or (isinstance(x, Integral) and int(x) >= 0),
+        "a whole number from 0, or none",
     ),
 }  # fmt: skip
 

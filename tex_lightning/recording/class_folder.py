@@ -126,8 +126,9 @@ class ClassFolder:
             UserError: If they cannot be written.
         """
         table, name = self.table(), self.next_name()
-        groups = [row.group for row in table if row.label == self.label]
-        group = max((number for number in groups if isinstance(number, int)), default=-1) + 1
+        counted = re.compile(rf"(?:{re.escape(self.label)}/)?(\d+)")  # by the reader of folders
+        groups = [counted.fullmatch(row.group_key) for row in table if row.label == self.label]
+        group = f"{self.label}/{max((int(match[1]) for match in groups if match), default=-1) + 1}"
         writers: dict[Recording, Callable[[Path], object]] = {}
         for modality, (rate, samples) in signals.items():
             path = self.folder / modality / f"{name}.wav"

@@ -12,7 +12,14 @@ from tex_lightning.config import DataConfig, Folding
 from tex_lightning.core.console import QUIET, Screen, console
 from tex_lightning.core.progress import track
 from tex_lightning.data.decode import SignalDecoder
-from tex_lightning.data.folds import Split, check_split, make_samples, split, tested_part
+from tex_lightning.data.folds import (
+    Split,
+    absent_classes,
+    check_split,
+    make_samples,
+    split,
+    tested_part,
+)
 from tex_lightning.data.quality import MEASURES
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings, plural
@@ -23,6 +30,7 @@ from tex_lightning.studies.leaks import refuse_leak
 from tex_lightning.text import printable_lines
 
 log = logging.getLogger(__name__)
+SHOWN = 3  # parts that lack classes
 
 
 @dataclass(frozen=True)
@@ -83,6 +91,28 @@ class Dataset:
             log.warning("Going on without %d files:\n%s", len(skipped), files)
         known, held = self.recordings.without(small), self.unknown.without(small)
         return replace(self, recordings=known, unknown=held, skipped=skipped)
+
+    def absences(self, divisions: Iterable[Folding]) -> list[str]:
+        """Say in a sentence which parts are tested, or chosen on, without all classes.
+
+        Args:
+            divisions: Division of each training.
+        """
+        absent: dict[str, list[str]] = {}
+        for by in divisions:
+            parts = split(self.recordings, by)
+            validation = f"fold {by.val_fold}, which chooses epoch and temperature,"
+            for part, name in ((parts.test, tested_part(by)), (parts.val, validation)):
+                lacks = absent_classes(part, self.classes, tuple(self.store.decoders))
+                if lacks and len(part):
+                    absent[name] = lacks
+        told = [f"{name} has none of {listed(lacks)}" for name, lacks in absent.items()]
+        more = [f"{len(told) - SHOWN} more parts lack some"] if len(told) > SHOWN else []
+        return [
+            f"Not all classes are everywhere: {'; '.join([*told[:SHOWN], *more])}. What is "
+            "measured there says nothing of them: record more groups of these classes, or take "
+            "fewer folds (data.folds)."
+        ][: len(told)]
 
     def parts(self, by: Folding) -> Split:
         """Return training, validation and test recordings, checked."""
@@ -178,18 +208,21 @@ def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordi
     return recordings.in_classes(known), recordings.in_classes(classes or [])
 
 
-def show_opening(data: DataConfig, dataset: Dataset, what: str, *, trains: bool = True) -> None:
+def show_opening(
+    data: DataConfig, dataset: Dataset, what: str, *, trains: Iterable[Folding] = ()
+) -> None:
     """Warn of what was passed over or looks wrong; print the data and what is done with it.
 
     Args:
         data: Where the recordings come from.
         dataset: All that will be trained or tested on.
         what: Description of the training or test.
-        trains: Whether folds are trained on.
+        trains: Division of each training; without any there is only a test.
     """
     rows = dataset.recordings
     modalities = list(dict.fromkeys(row.modality for row in rows))
-    warnings = [*rows.notes]
+    divisions = list(trains)
+    warnings = [*rows.notes, *dataset.absences(divisions)]
     for modality in modalities:
         warnings += rate_warnings(rows.of(modality), dataset.store)
     for text in warnings:
@@ -209,7 +242,7 @@ def show_opening(data: DataConfig, dataset: Dataset, what: str, *, trains: bool 
         sizes = [dataset.store.extent(row) for row in signals]
         size = _spread(sizes, decoder.unit, decoder.precision)
         show(title, f"{len(signals)}; {size}; {_spread([*counts.values()], '', 'd')} of a class")
-    show("Trains" if trains else "Tests", what)
+    show("Trains" if divisions else "Tests", what)
 
 
 def _spread(values: Sequence[float], unit: str, form: str) -> str:

@@ -164,7 +164,8 @@ def _run_folds(
             dataset = dataset or open_training(config, home)
             if not shown.issuperset(dataset.store.decoders):
                 shown |= {*dataset.store.decoders}
-                show_opening(config.data, dataset, what)
+                trains = [config.on_fold(fold).data for fold in homes]
+                show_opening(config.data, dataset, what, trains=trains)
             results = run_fold(
                 config.on_fold(fold), dataset, home, test_parts=False, networks_in=networks_in
             )

@@ -3,7 +3,7 @@
 import inspect
 import logging
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from lightning.pytorch.loggers import Logger
 from tex_lightning.baselines.classifier import BaselineClassifier, Loaded, as_part, load_classifier
 from tex_lightning.classifier.card import LABEL, Card, configured_card
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.config import Config, DataConfig, plain_values
+from tex_lightning.config import Config, DataConfig, Folding, plain_values
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.console import log_once
 from tex_lightning.core.contract import calling
@@ -111,11 +111,11 @@ def open_training(config: Config, directory: Path) -> Dataset:
     return dataset.usable(senses, skip_bad=config.data.skip_bad)
 
 
-def open_announced(config: Config, directory: Path) -> Dataset:
-    """Open the data set of a training, and show it."""
+def open_announced(config: Config, directory: Path, trains: Iterable[Folding]) -> Dataset:
+    """Open the data set of one or several trainings, each with its division, and show it."""
     dataset, model = open_training(config, directory), config.model
     parts = "" if model.baseline or model.kind != FUSION else f": {', '.join(model.trained)}"
-    show_opening(config.data, dataset, f"{model.name}{parts}")
+    show_opening(config.data, dataset, f"{model.name}{parts}", trains=trains)
     return dataset
 
 

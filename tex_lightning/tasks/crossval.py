@@ -36,9 +36,10 @@ KEPT = ("fragment_accuracy", "vote_accuracy", "test_samples", "fit_seconds", "ch
 def run(config: Config, job: Job) -> dict[str, Any]:
     """Run all folds, or those in ``crossval.only``; write ``results.json`` and return it."""
     chosen = chosen_folds(config.data.folds, config.crossval.only)
-    dataset = open_announced(config, job.directory)
-    for fold in chosen:  # before time is spent on the first
-        dataset.parts(config.on_fold(fold).data)
+    divisions = [config.on_fold(fold).data for fold in chosen]
+    dataset = open_announced(config, job.directory, divisions)
+    for division in divisions:  # before time is spent on the first
+        dataset.parts(division)
     folds: dict[Path, dict[str, Any]] = {}
     for fold in track(chosen, "fold"):
         home = job.directory / "folds" / str(fold)

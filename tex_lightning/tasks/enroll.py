@@ -38,7 +38,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
             "this package's networks; train it anew with all recordings."
         )
     dataset = open_new_classes(config.data, classifier)
-    show_opening(config.data, dataset, f"{', '.join(dataset.classes)} for {source}")
+    what = f"{', '.join(dataset.classes)} for {source}"
+    show_opening(config.data, dataset, what, trains=[config.data])
     classifier.to(pick_device(config.trainer.accelerator))
     classifier = enroll(classifier, dataset)
     seconds, card = time.perf_counter() - begin, classifier.card

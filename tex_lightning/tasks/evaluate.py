@@ -34,7 +34,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     card = classifier.card
     check_unknown(card.deciding(config.decision), bool(classifier.statistics))
     dataset = open_test_data(config.data, classifier, "The checkpoint")
-    show_opening(config.data, dataset, str(config.checkpoint), trains=False)
+    show_opening(config.data, dataset, str(config.checkpoint))
     store, samples = dataset.store, make_samples(dataset.recordings, card.modalities)
     unknown = make_samples(dataset.unknown, card.modalities)
     network, outcomes = report_network(

@@ -24,7 +24,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         results = read_record(done)
         print_results(results, directory)
         return results
-    dataset = open_announced(config, directory)
+    dataset = open_announced(config, directory, [config.data])
     networks = fit_fold(config, dataset, directory, draw=True)
     if not is_rank_zero():
         return {}

@@ -86,7 +86,10 @@ def test_tum_takes_photo_classes_from_their_order(tiny):
     assert rows.classes == ["S1", "S2", "S3"]
     photos = [row for label in rows.classes for row in rows.of("image").in_classes([label])]
     assert [row.path.name for row in photos] == [f"IMG_{5529 + i}.JPG" for i in range(30)]
-    assert [row.group for row in photos] == list(range(10)) * 3
+    assert [row.fold for row in photos] == list(range(10)) * 3
+    strokes = rows.of("haptic").in_classes(["S2"])
+    assert {row.group: row.fold for row in strokes} == {f"S2/{n}": n for n in range(10)}
+    assert {row.group for row in photos} == {row.group for row in rows.of("haptic")}
     assert {row.sampling_rate for row in rows.of("haptic")} == {10_000}
 
 
@@ -112,7 +115,7 @@ def test_lmt108_has_one_recording_for_three_axes_and_other_senses_beside_it(tiny
     assert {sense: len(rows.of(sense)) for sense in counts} == counts
     assert {row.path.parent.name for row in rows} == {"Training"}
     assert {row.path.parts[-3] for row in rows.of("image")} == {"NoFlash"}
-    assert all(row.path.stem.endswith(f"_train{row.group + 1}") for row in rows)
+    assert all(row.path.stem.endswith(f"_train{row.fold + 1}") for row in rows)
     rates = {row.modality: row.sampling_rate for row in rows}
     assert rates == {"haptic": 10_000, "image": None, "sound": None, "tapping": 10_000}
     other = read(*given(tiny, "lmt108", "data.reader.split=testing"))
@@ -123,20 +126,22 @@ def test_lmt108_has_one_recording_for_three_axes_and_other_senses_beside_it(tiny
 def test_kylberg_groups_by_patch_or_by_surface(copy):
     rows = read(*given(copy, "kylberg"))
     assert rows.classes == ["blanket1", "canvas1"]
-    assert sorted(row.group for row in rows) == sorted([*range(160)] * 2)
-    fold = {row.path.stem.split("-")[1] for row in rows if row.group % 10 == 3}
-    assert fold == set("abcd")
+    assert len({row.group for row in rows}) == 2 * 160
+    for fold in range(10):
+        patches = [row.path.stem for row in rows if row.fold == fold]
+        assert {patch.split("-")[1] for patch in patches} == set("abcd")
+        assert {int(patch[-3:]) % 10 for patch in patches} == {(fold + 1) % 10}
     for row in read(*given(copy, "kylberg", "data.group_by=surface")):
-        assert row.path.stem.split("-")[1] == "abcd"[row.group]
+        assert row.path.stem.split("-")[1] == "abcd"[row.fold]
     patch = sorted((copy / "kylberg").rglob("*.png"))[5]
     shutil.copy(patch, patch.with_name(f"{patch.stem}-r30.png"))
-    assert sum(row.group == 5 for row in read(*given(copy, "kylberg"))) == 3
+    assert sum(row.group == "blanket1/5" for row in read(*given(copy, "kylberg"))) == 2
 
 
 def test_a_sample_of_kth_tips2b_is_a_group(tiny):
     rows = read(*given(tiny, "kth_tips2b"))
     assert (rows.classes, len(rows)) == (["cork", "wool"], 2 * 4 * 12)
-    assert all(row.path.parent.name == f"sample_{'abcd'[row.group]}" for row in rows)
+    assert all(row.path.parent.name == f"sample_{'abcd'[row.fold]}" for row in rows)
 
 
 FORCE = "+data.reader.folders.force=sensor_data/force"
@@ -162,9 +167,17 @@ def test_strokes_of_cluster_have_conditions_and_the_rate_of_their_stamps(tiny):
 )
 def test_a_group_of_cluster_is_a_value(tiny, group_by, values):
     rows = read(*given(tiny, "cluster", f"data.group_by={group_by}"))
-    groups = {(row.group, dict(row.conditions)[group_by]) for row in rows.of("haptic")}
+    groups = {(row.fold, dict(row.conditions)[group_by]) for row in rows.of("haptic")}
     assert groups == set(enumerate(values.split()))
-    assert {row.fold for row in rows} == {0, 1}  # no more than groups
+    assert len({row.group for row in rows}) == 2  # of all classes
+
+
+def test_folds_of_a_published_set_stay_where_a_class_lacks_recordings(copy):
+    next((copy / "tum").rglob("S1_query3.txt")).unlink()
+    rows = read(*given(copy, "tum")).of("haptic")
+    assert all(row.path.stem.endswith(f"_query{row.fold}") for row in rows)
+    halved = read(*given(copy, "tum", "data.folds=5")).of("haptic")
+    assert all(int(row.path.stem[-1]) % 5 == row.fold for row in halved)
 
 
 def rename(old: str, new: str):

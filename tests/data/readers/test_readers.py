@@ -58,7 +58,11 @@ def touch(root, *names):
 )  # fmt: skip
 def test_folders_as_people_lay_them_out(tmp_path, files, expected, notes):
     rows = read_folder(touch(tmp_path, *files))
-    described = [f"{row.label} {row.modality} {row.group} {row.path.name}" for row in rows]
+    places = [row.group.removeprefix(f"{row.label}/") for row in rows]
+    described = [
+        f"{row.label} {row.modality} {place} {row.path.name}"
+        for row, place in zip(rows, places, strict=True)
+    ]
     assert sorted(described) == expected
     assert [note.replace(str(tmp_path), "DIR") for note in rows.notes] == notes
 

@@ -1,13 +1,14 @@
 """Readers: each maps a data set on disk to the one table of recordings, which is checked here."""
 
+from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any
 
 from tex_lightning.config import DataConfig
 from tex_lightning.config.instantiation import build
 from tex_lightning.data.folds import check_conditions, with_folds
-from tex_lightning.data.recordings import Recordings, check_distinct, check_row
-from tex_lightning.errors import UserError
+from tex_lightning.data.recordings import Recording, Recordings, check_distinct, check_row
+from tex_lightning.errors import UserError, listed, shorten
 
 
 def checked_table(table: Any, reader: str) -> Recordings:  # noqa: ANN401
@@ -28,7 +29,30 @@ def checked_table(table: Any, reader: str) -> Recordings:  # noqa: ANN401
     if not rows:
         raise UserError(f"{reader} (data.reader) found no recordings; check the keys of data.")
     check_distinct(f"{reader} (data.reader)", rows)
-    return Recordings(rows, table.notes)
+    without = [row for row in rows if row.fold is None]
+    if 0 < len(without) < len(rows):
+        raise UserError(
+            f"{reader} (data.reader) gives {without[0].path} no fold; give every recording one, or "
+            "none."
+        )
+    return Recordings(rows, (*table.notes, *divided_groups(rows)))
+
+
+def divided_groups(rows: Sequence[Recording]) -> list[str]:
+    """Say that the folds of a table divide groups, where they do."""
+    folds: dict[str, set[int]] = defaultdict(set)
+    for row in rows:
+        if row.fold is not None:
+            folds[row.group_key].add(row.fold)
+    divided = {group: sorted(found) for group, found in folds.items() if len(found) > 1}
+    if not divided:
+        return []
+    group, places = next(iter(divided.items()))
+    return [
+        f"The folds of the table divide {len(divided)} groups, {shorten(group)} into folds "
+        f"{listed([*map(str, places)])}: what was recorded together is trained and tested on; give "
+        "such recordings one fold, or leave out the folds."
+    ]
 
 
 def read_recordings(

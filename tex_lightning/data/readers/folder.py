@@ -34,7 +34,7 @@ class FolderReader:
     root: str
 
     def read(self) -> Recordings:
-        """Read the folder; a file's place in the natural order of names is its group."""
+        """Read the folder; a file's place in its class, in natural order, is its group."""
         return read_folder(Path(self.root).expanduser())
 
 
@@ -99,9 +99,9 @@ def _read_class(directory: Path, notes: list[str]) -> list[Recording]:
         text = f"{directory} has folders for its senses, so {stray[0]} beside them is not read."
         notes.append(text)
     return [
-        Recording(directory.name, sense, path, group)
+        Recording(directory.name, sense, path, f"{directory.name}/{place}")
         for sense, paths in inner.items()
-        for group, path in enumerate(sorted(paths, key=lambda path: natural_key(path.name)))
+        for place, path in enumerate(sorted(paths, key=lambda path: natural_key(path.name)))
     ]
 
 

@@ -38,7 +38,9 @@ class PatternReader:
             ``label``, those of ``groups`` and one for each condition.
         example: Such a path, for messages.
         group_by: Which part of the path makes a group, and so a fold: the values count in order.
+            A value is one group in each class, and a condition is one in all of them.
         groups: What ``group_by`` may be, and how many groups that usually makes.
+        folds: Number of folds, which the values are dealt to in turn; None leaves out the folds.
         conditions: Parts of the path that are conditions of the recording.
         rate: Rate of the ``.txt`` files in Hz.
         split: Half that is read, where the path has a group ``split``: ``training``, ``testing``.
@@ -53,6 +55,7 @@ class PatternReader:
     example: str
     group_by: str
     groups: Mapping[str, int]
+    folds: int | None = None
     conditions: Sequence[str] = ()
     rate: float | None = None
     split: str = "training"
@@ -83,13 +86,20 @@ class PatternReader:
                 match["label"],
                 modality,
                 path,
-                values.index(match[self.group_by]),
+                self._group(match["label"], number := values.index(match[self.group_by])),
                 self.rate if path.suffix.lower() == ".txt" else None,
                 tuple((name, match[name]) for name in self.conditions),
+                fold=self._fold(number),
             )
             for modality, path, match in matches
         ]
         return Recordings(tuple(rows), tuple(notes))
+
+    def _group(self, label: str, number: int) -> str:
+        return f"{self.group_by if self.group_by in self.conditions else label}/{number}"
+
+    def _fold(self, number: int) -> int | None:
+        return None if self.folds is None else number % self.folds
 
     def _matches(self, folder: Path, notes: list[str]) -> Iterator[tuple[Path, re.Match[str]]]:
         """Yield the recordings below a folder in natural order; note what is not read."""
@@ -139,7 +149,10 @@ class TumReader(PatternReader):
                 f"Folder {training} holds {len(photos)} photos, but {len(labels)} classes need "
                 f"{self.per_class} each; correct that, or list all files for data=manifest."
             )
+        places = [divmod(number, self.per_class) for number in range(len(photos))]
         return tuple(
-            Recording(labels[number // self.per_class], "image", path, number % self.per_class)
-            for number, path in enumerate(photos)
+            Recording(
+                label := labels[kind], "image", path, self._group(label, at), fold=self._fold(at)
+            )
+            for (kind, at), path in zip(places, photos, strict=True)
         )

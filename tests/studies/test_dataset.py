@@ -1,0 +1,42 @@
+"""What is said of the data before work begins."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from tex_lightning.config import Folding
+from tex_lightning.data.folds import with_folds
+from tex_lightning.data.recordings import Recording, Recordings
+from tex_lightning.studies.dataset import Dataset
+
+RARE = {"oak": 10, "pine": 10, "yew": 2}  # recordings
+
+
+@pytest.fixture
+def dataset():
+    rows = [
+        Recording(label, "haptic", Path(f"{label}{n}.wav"), f"{label}/{n}", None, (("wet", "no"),))
+        for label, count in RARE.items()
+        for n in range(count)
+    ]
+    table = with_folds(Recordings(tuple(rows)), 10)
+    store = SimpleNamespace(decoders={"haptic": None})
+    return Dataset(table.classes, table, Recordings(()), store)
+
+
+def division(test: int | None, val: int | None = None, where: object = None) -> Folding:
+    return Folding(10, test, val, False, None, where)
+
+
+def test_folds_without_a_class_are_said_in_one_sentence(dataset):
+    with_yew = sorted({row.fold for row in dataset.recordings if row.label == "yew"})
+    without = [fold for fold in range(10) if fold not in with_yew]
+    assert dataset.absences(map(division, with_yew)) == []
+    (one,) = dataset.absences([division(without[0])])
+    assert f"fold {without[0]} has none of yew. What is measured there" in one
+    (every,) = dataset.absences(map(division, range(10)))
+    assert f"fold {without[2]} has none of yew; 5 more parts lack some." in every
+    (chosen,) = dataset.absences([division(with_yew[0], without[0])])
+    assert f"fold {without[0]}, which chooses epoch and temperature, has none of yew" in chosen
+    assert dataset.absences([division(None, None, {"wet": "no"})]) == []
