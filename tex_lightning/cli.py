@@ -34,11 +34,11 @@ from tex_lightning.config.names import as_typed
 from tex_lightning.config.search import use_config_dir, with_own_senses
 from tex_lightning.config.tasks import TRAINING
 from tex_lightning.config.usage import answer, asks
-from tex_lightning.core.console import Screen, say, verbosity
+from tex_lightning.core.console import Screen, say, show_rank_zero, verbosity
 from tex_lightning.core.contract import fault_of
 from tex_lightning.core.files import UNWRITABLE, unwritable
 from tex_lightning.core.progress import finishing
-from tex_lightning.core.ranks import is_rank_zero, started_processes, suppress_output
+from tex_lightning.core.ranks import is_rank_zero, joining, started_processes
 from tex_lightning.core.run_folder import claim_folder, find_checkpoint, holds_work, locked_folder
 from tex_lightning.errors import UserError, reason, shorten
 
@@ -193,7 +193,7 @@ def _run(arguments: Sequence[str]) -> int:
     register()
     flags, overrides = split_flags(arguments)
     if not is_rank_zero():
-        suppress_output()
+        show_rank_zero()
         overrides.append("hydra/job_logging=none")
     sys.argv[1:] = [*flags, *with_own_senses(as_typed(overrides))]
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
@@ -266,9 +266,10 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
         config = checked_config(composed)
     if config.checkpoint is not None:
         config = replace(config, checkpoint=str(find_checkpoint(config.checkpoint)))
-    _set_devices(config, job)
     trust(*config.trusted, *named_classes(config.model.nodes))
-    results = _run_in_folder(config, composed, job)
+    with joining(_set_devices(config, job)):
+        show_rank_zero(libraries=job.origin != "python")
+        results = _run_in_folder(config, composed, job)
     if config.task in TRAINING and results:
         from tex_lightning.evaluation.outcomes import optimized_value
 
@@ -306,16 +307,24 @@ def _quick_import() -> Iterator[None]:
             gc.enable()
 
 
-def _set_devices(config: Config, job: Job) -> None:
+def _set_devices(config: Config, job: Job) -> int:
     """Set PyTorch's threads and precision, and reject devices that a task cannot use.
 
     The layers of a short chunk of a stream are so small that a second thread only costs time. A
     user's ``OMP_NUM_THREADS`` is left as it is.
+
+    Returns:
+        The number of processes that train together.
     """
     with _quick_import():
         import torch
 
-        from tex_lightning.core.devices import count_processes, keep_memory, use_tf32
+        from tex_lightning.core.devices import (
+            check_started,
+            count_processes,
+            keep_memory,
+            use_tf32,
+        )
 
     threads = config.trainer.threads
     if threads is None and config.task == "stream":
@@ -327,13 +336,15 @@ def _set_devices(config: Config, job: Job) -> None:
     processes = 1
     if config.task in TRAINING:
         processes = count_processes(config.trainer)
+        check_started(processes)
     if processes > 1:
         _check_origin(job)
     check_shares(config, processes)
-    if started_processes() and not job.named:
+    if processes > 1 and started_processes() and not job.named:
         raise UserError(
             "Several processes were started, which have to share a run folder; give hydra.run.dir."
         )
+    return processes
 
 
 def _check_origin(job: Job) -> None:

@@ -105,6 +105,25 @@ def test_torchrun_starts_all_processes_and_rank_zero_alone_speaks(alone, tiny, c
     assert refused.stderr.count("share a run folder; give hydra.run.dir") == 1
 
 
+@pytest.mark.slow
+def test_two_tasks_of_srun_train_as_one_process_does(alone, tiny, cache, tmp_path):
+    step = {"SLURM_JOB_ID": str(os.getpid()), "SLURM_STEP_ID": "0", "SLURM_NNODES": "1"}
+    step |= dict.fromkeys(("SLURM_NTASKS", "SLURM_STEP_NUM_TASKS", "SLURM_NTASKS_PER_NODE"), "2")
+    arguments = command(tiny, cache, tmp_path / "run", "model=haptic")
+    tasks = [
+        subprocess.Popen(
+            [sys.executable, *arguments], text=True, stderr=subprocess.PIPE,
+            env={**ENVIRONMENT, **step, "SLURM_NODEID": "0", "RANK": "",
+                 **dict.fromkeys(("SLURM_PROCID", "SLURM_LOCALID"), rank)},
+        )
+        for rank in ("0", "1")
+    ]  # fmt: skip
+    said = [task.communicate(timeout=200)[1] for task in tasks]
+    assert [task.returncode for task in tasks] == [0, 0], said
+    assert [text.count("Results in") for text in said] == [1, 0]
+    assert votes(alone("haptic"), "haptic") == votes(tmp_path / "run", "haptic")
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -46,6 +46,19 @@ if not console.is_terminal and "COLUMNS" not in os.environ:
     console = PlainConsole(width=120, quiet=console.quiet)
 
 
+def show_rank_zero(*, libraries: bool = True) -> None:
+    """Show nothing of a process that only trains.
+
+    Args:
+        libraries: Whether logs and warnings of libraries are suppressed as well, which is not for a
+            program in Python that calls this package.
+    """
+    console.quiet = not is_rank_zero()
+    if console.quiet and libraries:
+        logging.disable()
+        warnings.simplefilter("ignore")
+
+
 class Screen:
     """What this process shows at present.
 

@@ -1,31 +1,97 @@
-"""Rank of this process in its process group, from the environment.
+"""Rank of this process in the process group that this run makes, and what the environment says.
 
-Lightning's launcher, ``torchrun`` and ``srun`` say so in variables. It is asked before PyTorch is
-imported, so that a mistyped command is answered at once.
+Lightning's launcher, ``torchrun`` and ``srun`` leave variables, which every program below inherits,
+also one that trains alone or classifies. So a rank counts only where this run trains on as many
+devices as processes were started for it (:func:`joining`); elsewhere the variables are hidden from
+Lightning, which would wait for the others, or write nothing.
 """
 
-import logging
 import os
-import warnings
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import ClassVar
 
-RANKS = ("RANK", "LOCAL_RANK", "SLURM_PROCID")  # in the order in which Lightning looks at them
-STARTERS = ("TORCHELASTIC_RUN_ID", "SLURM_STEP_NUM_TASKS")
+PARENT = "TEX_LIGHTNING_PARENT"  # number of the process that Lightning starts again for each device
+TORCHRUN = "TORCHELASTIC_RUN_ID"
+RANKS = ("RANK", "LOCAL_RANK", "JSM_NAMESPACE_RANK", "WORLD_SIZE", "NODE_RANK", "GROUP_RANK")
+SLURM = ("SLURM_PROCID", "SLURM_NTASKS")
+INTERACTIVE = ("bash", "interactive")  # names of jobs of SLURM in which somebody types commands
+
+
+def _number(name: str, default: int = 0) -> int:
+    """Return a variable as a whole number; the default if it is none, or not set."""
+    text = os.environ.get(name, "")
+    return int(text) if text.isdecimal() else default
+
+
+def is_launched() -> bool:
+    """Return whether Lightning has started this process for a further device of its parent."""
+    return "LOCAL_RANK" in os.environ and _number(PARENT, -1) == os.getppid()
+
+
+class Process:
+    """This process.
+
+    Attributes:
+        rank: Its number in the process group of the run; 0 outside of one.
+    """
+
+    rank: ClassVar[int] = _number("LOCAL_RANK") if is_launched() else 0
+
+
+def is_torchrun() -> bool:
+    """Return whether torchrun has started this process, or one above it."""
+    return TORCHRUN in os.environ
 
 
 def is_rank_zero() -> bool:
     """Return whether this process prints and writes; those that only train do not."""
-    return next((int(os.environ[name]) for name in RANKS if name in os.environ), 0) == 0
+    return Process.rank == 0
 
 
 def started_processes() -> int | None:
     """Return how many processes torchrun or a step of SLURM has started; None without one."""
-    if STARTERS[0] in os.environ:
-        return int(os.environ["WORLD_SIZE"])
-    tasks = int(os.environ.get(STARTERS[1], 1))
-    return tasks if tasks > 1 else None
+    if is_torchrun():
+        return _number("WORLD_SIZE", 1)
+    in_step = "SLURM_STEP_ID" in os.environ or _number("SLURM_PROCID") > 0
+    tasks = _number("SLURM_STEP_NUM_TASKS", slurm_tasks()) if in_step else 1
+    return tasks if tasks > 1 and slurm_tasks() > 1 else None
 
 
-def suppress_output() -> None:
-    """Suppress all output of this process."""
-    logging.disable()
-    warnings.simplefilter("ignore")
+def slurm_tasks() -> int:
+    """Return the number of tasks of SLURM's job or step; 1 where one types commands, or outside."""
+    return 1 if os.environ.get("SLURM_JOB_NAME") in INTERACTIVE else _number("SLURM_NTASKS", 1)
+
+
+@contextmanager
+def joining(processes: int) -> Iterator[None]:
+    """Let this process take its place among those that train one network, or be alone.
+
+    The rank stays until the next run of this process, so that an error is said once.
+
+    Args:
+        processes: Number of processes that train together; 1 for whatever runs alone.
+    """
+    together, number = processes > 1 and started_processes() == processes, 0
+    hidden = {*RANKS, TORCHRUN, *SLURM}
+    if is_launched():
+        hidden, number = set(), _number("LOCAL_RANK")
+    elif together and is_torchrun():
+        hidden, number = set(), _number("RANK")
+    elif together:
+        hidden, number = {*RANKS}, _number("SLURM_PROCID")
+    elif processes == slurm_tasks() == _number("SLURM_PROCID", -1) + 1:
+        hidden -= {*SLURM}  # Lightning queues a job with a single task again, if it is told to end
+    elif processes > 1:
+        os.environ[PARENT] = str(os.getpid())
+    Process.rank = number
+    before = {name: os.environ.pop(name) for name in hidden & os.environ.keys()}
+    if hidden and (said := sys.modules.get("lightning_utilities.core.rank_zero")):
+        said.rank_zero_only.rank = number  # which was read when Lightning was imported
+    try:
+        yield
+    finally:
+        if not is_launched():
+            os.environ.pop(PARENT, None)
+        os.environ.update(before)

@@ -27,6 +27,7 @@ UNHELPFUL = (
     ".*exists and is not empty.*",  # that is what resuming means
     ".*in eval mode at the start of training.*",  # FusionModule keeps its statistics on purpose
     ".*configure_optimizers` returned `None`.*",  # of what is fitted in closed form
+    ".*`srun` command is available.*",  # it may be installed and not be meant
     ".*LeafSpec.*is deprecated.*",  # Lightning 2.6 with PyTorch 2.13, until Lightning follows
 )
 LOGGERS = ("lightning", "lightning.pytorch", "lightning.fabric")

@@ -1,0 +1,131 @@
+"""A rank in the environment counts only among the processes that train one network together."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from tex_lightning.config import CONF
+from tex_lightning.core.devices import check_started
+from tex_lightning.core.ranks import (
+    PARENT,
+    Process,
+    is_launched,
+    is_rank_zero,
+    joining,
+    started_processes,
+)
+from tex_lightning.errors import UserError
+
+LEFT = [  # by programs above this one
+    {"RANK": "1", "WORLD_SIZE": "2"},
+    {"LOCAL_RANK": "1"},
+    {"RANK": ""},
+    {"RANK": "x", "LOCAL_RANK": "", "SLURM_PROCID": "", "JSM_NAMESPACE_RANK": "3"},
+]
+STEP = {"SLURM_STEP_ID": "0", "SLURM_STEP_NUM_TASKS": "2", "SLURM_NTASKS": "2", "SLURM_PROCID": "1"}
+TORCHRUN = {"TORCHELASTIC_RUN_ID": "a", "RANK": "1", "WORLD_SIZE": "2", "LOCAL_RANK": "1"}
+READ = ("RANK", "PROCID", "NTASKS", "WORLD_SIZE", "RUN_ID")  # by Lightning
+BATCH = {"SLURM_JOB_ID": "7", "SLURM_NTASKS": "2", "SLURM_PROCID": "0"}
+
+
+@pytest.fixture(autouse=True)
+def bare(monkeypatch):
+    """An environment without such variables, and afterwards a process without a rank."""
+    for name in list(os.environ):
+        if "RANK" in name or name.startswith(("SLURM", "WORLD", "TORCHELASTIC")):
+            monkeypatch.delenv(name)
+    yield
+    Process.rank = 0
+
+
+def give(monkeypatch, variables):
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    return {**os.environ}
+
+
+@pytest.mark.parametrize("variables", [*LEFT, STEP, TORCHRUN, BATCH], ids=str)
+def test_who_trains_alone_has_no_rank_and_lightning_sees_none(monkeypatch, variables):
+    before = give(monkeypatch, variables)
+    with joining(1):
+        assert is_rank_zero()
+        assert [name for name in variables if name.endswith(READ) and name in os.environ] == []
+    assert before == {**os.environ}
+
+
+@pytest.mark.parametrize("variables", [STEP, TORCHRUN], ids=["srun", "torchrun"])
+def test_who_was_started_beside_others_has_its_rank_where_they_train_together(
+    monkeypatch, variables
+):
+    before = give(monkeypatch, variables)
+    assert started_processes() == 2
+    check_started(2)
+    with joining(2):
+        assert not is_rank_zero()
+        assert before == {**os.environ}
+    with pytest.raises(UserError, match=r"has started 2 processes.*trains with 1: .*trainer=ddp"):
+        check_started(1)
+
+
+def test_a_process_that_lightning_started_is_known_by_its_parent(monkeypatch):
+    give(monkeypatch, {"LOCAL_RANK": "1", PARENT: str(os.getppid())})
+    assert is_launched()
+    monkeypatch.setenv(PARENT, "1000000000")  # of a program above the parent
+    assert not is_launched()
+    monkeypatch.delenv("LOCAL_RANK")
+    monkeypatch.delenv(PARENT)
+    with joining(2):
+        assert os.environ[PARENT] == str(os.getpid())
+    assert PARENT not in os.environ
+
+
+def test_tasks_without_srun_are_told_the_cure_and_a_shell_or_a_single_task_is_none(monkeypatch):
+    give(monkeypatch, BATCH)
+    assert started_processes() is None
+    with pytest.raises(UserError, match="has 2 tasks, and this is a single process: put srun"):
+        check_started(1)
+    monkeypatch.setenv("SLURM_JOB_NAME", "bash")
+    check_started(1)
+    give(monkeypatch, {"SLURM_JOB_NAME": "train", "SLURM_NTASKS": "1"})
+    check_started(1)
+    with joining(1):  # so that Lightning queues it again where it is told to end
+        assert os.environ["SLURM_NTASKS"] == "1"
+    with joining(2):  # it would wait for a second task
+        assert "SLURM_NTASKS" not in os.environ
+
+
+def test_a_run_below_another_one_writes_its_results(surfaces, cache, tmp_path):
+    """In a process of its own, as Lightning reads the variables when it is imported."""
+    given = ["experiment=few/haptic", "data=folder", f"data.root={surfaces}", "logger=csv"]
+    given += [f"hydra.run.dir={tmp_path}", f"data.cache_dir={cache}"]
+    left = {"RANK": "", "LOCAL_RANK": "1", "WORLD_SIZE": "2", "PYTHONPATH": str(CONF.parent)}
+    finished = subprocess.run(
+        [sys.executable, "-m", "tex_lightning", *given],
+        env={**os.environ, **left}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (finished.returncode, "Results in" in finished.stderr) == (0, True), finished.stderr
+    results = json.loads((tmp_path / "results.json").read_text())
+    assert results["networks"]["haptic"]["test_samples"] == 3
+    assert (tmp_path / "checkpoints" / "haptic.ckpt").is_file()
+
+
+@pytest.mark.parametrize("variables", [LEFT[2], STEP], ids=["empty", "srun"])
+def test_each_process_predicts_for_itself(monkeypatch, variables, cli, surfaces, bands):
+    give(monkeypatch, variables)
+    file = surfaces / "alpha" / "haptic" / "alpha_0.wav"
+    outcome = cli("task=predict", f"checkpoint={bands}", f"haptic={file}")
+    assert outcome.status == 0, outcome.err
+    assert json.loads(outcome.out)["label"] == "alpha"
+
+
+@pytest.mark.parametrize("variables", [STEP, TORCHRUN, BATCH], ids=["srun", "torchrun", "batch"])
+def test_a_training_that_does_not_fit_what_was_started_is_one_sentence(
+    monkeypatch, variables, cli, tiny, tmp_path
+):
+    give(monkeypatch, variables)
+    outcome = cli("model=haptic", *tiny, f"hydra.run.dir={tmp_path}")
+    assert (outcome.status, outcome.err.count("\n")) == (2, 1)
+    assert "trainer=ddp" in outcome.err
