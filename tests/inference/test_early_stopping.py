@@ -10,11 +10,14 @@ from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.classifier.vote import RULES
 from tex_lightning.config import DecisionConfig
+from tex_lightning.data.quality import Quality
 from tex_lightning.errors import UserError
 from tex_lightning.inference.early_stopping import SequentialClassifier, decide
 from tex_lightning.inference.engine import Costs
+from tex_lightning.inference.prediction import describe
 
 NEVER = 1.0
 SENSES = {
@@ -139,6 +142,55 @@ def test_the_decision_is_the_full_one_if_nothing_is_sure(kind, level, rule):
     assert vote.label == full.label
     assert torch.equal(vote.fragments.bincount(), full.fragments.bincount())
     torch.testing.assert_close(vote.probabilities, full.probabilities)
+
+
+def telling_unknown(kind: str, limits: dict[str, float]) -> SurfaceClassifier:
+    """A classifier with statistics, and the novelty of all its known samples by sense."""
+    model = classifier(kind)
+    for name, sense in model.senses.items():
+        size = len(model.embedding(name, given(kind, 1)[sense.modality]))
+        rows = torch.rand(12, size, generator=torch.Generator().manual_seed(0))
+        model.statistics[name] = FeatureStatistics.of(rows, torch.arange(12) % 4, 4)
+    novelties = {name: [limit] * 30 for name, limit in limits.items()}
+    decision = {**model.card.decision, "unknown": 0.1}
+    model.card = replace(model.card, decision=decision, calibration={"novelties": novelties})
+    return model
+
+
+NOTHING, ALL = 0.0, 9.0  # what is known of a sense: no recording to come, or every one
+
+
+@pytest.mark.parametrize(
+    ("haptic", "visual", "modalities", "rejected"),
+    [
+        (ALL, ALL, ("haptic",), False),
+        (ALL, NOTHING, ("haptic",), False),
+        (NOTHING, NOTHING, ("haptic", "image"), True),
+        (NOTHING, ALL, ("haptic", "image"), False),
+    ],
+)
+def test_a_fusion_says_unknown_of_all_senses_only(haptic, visual, modalities, rejected):
+    model = telling_unknown("fusion", {"haptic": haptic, "visual": visual})
+    quick = decide(model, replace(CONFIG, confidence_threshold=0.0))
+    vote, full = (each.classify(**given("fusion", 0)) for each in (quick, model))
+    assert (vote.modalities or model.card.modalities) == modalities
+    prediction = describe(vote, model.card, Quality(), 1, 0.0)
+    assert prediction.rejected is rejected
+    assert (prediction.label == "unknown") is rejected
+    assert vote.novelty == (full.novelty if len(modalities) == 2 else None)
+    assert (vote.relative_macs < 1) == (len(modalities) == 1)
+
+
+@pytest.mark.parametrize(("limit", "whole"), [(NOTHING, True), (ALL, False)])
+def test_a_trace_is_called_unknown_by_its_whole_only(limit, whole):
+    model, long = telling_unknown("haptic", {"haptic": limit}), trace(0, 20.0)
+    vote = decide(model, replace(CONFIG, confidence_threshold=0.0)).classify(haptic=long)
+    full = model.classify(haptic=long)
+    assert (vote.novelty == full.novelty, len(vote.fragments) == len(full.fragments)) == (
+        whole,
+        whole,
+    )
+    assert describe(vote, model.card, Quality(), 1, 0.0).rejected is whole
 
 
 def test_a_baseline_is_refused():

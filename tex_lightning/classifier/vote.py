@@ -25,7 +25,8 @@ class Vote:
         probabilities: (classes,) float64, mean class probabilities of the fragments, or those of
             their mean score, as the rule says; they sum to 1.
         relative_macs: Arithmetic that was done, as a share of what all fragments take.
-        novelty: Novelty of the sample, from 0; None if not known.
+        novelty: Novelty of the sample, from 0; None if not known, or not of all senses.
+        modalities: Modalities that were looked at, where that are not all; else empty.
     """
 
     label: int
@@ -34,6 +35,7 @@ class Vote:
     probabilities: Tensor
     relative_macs: float = 1.0
     novelty: float | None = None
+    modalities: tuple[str, ...] = ()
 
     @property
     def probability(self) -> float:

@@ -49,7 +49,7 @@ class Outcome:
         votes: Number of fragments for each class that has any, as JSON.
         relative_macs: Arithmetic done, as a share of what all fragments take.
         probabilities: Mean class probabilities of the fragments, as JSON.
-        novelty: Novelty of the sample, from 0; NaN if not known.
+        novelty: Novelty of the sample, from 0; NaN if not known, or not of all senses.
         group: Group of its recordings; several of different groups in one string.
         fold: Fold that was tested; empty where all recordings or some conditions were.
     """

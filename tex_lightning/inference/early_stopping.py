@@ -5,11 +5,14 @@
   pass, that is done instead: on traces of a few seconds immediately.
 - Of several senses the cheapest comes first, and the next cheapest is added as long as the vote of
   those that were asked is not confident.
+- What is more novel than ``decision.unknown`` allows is classified whole: the threshold is that of
+  whole recordings, and of a part of the senses that of the same part. So no more known recordings
+  are called unknown than by the full decision.
 
 A single photo, and a trace of which the mean score decides, are taken whole.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from typing import Any
@@ -17,7 +20,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SenseOutput, SurfaceClassifier, join_novelties
 from tex_lightning.classifier.vote import Vote
 from tex_lightning.config import DecisionConfig, EngineConfig
 from tex_lightning.errors import UserError
@@ -103,6 +106,7 @@ class SequentialClassifier(SurfaceClassifier):
         self.costs = Costs(classifier.card)
         self.densities: dict[str, float] = {}  # multiply-accumulates for each number of an input
         self.threshold = config.confidence_threshold
+        self.novelty_limits: dict[tuple[str, ...], float | None] = {}
 
     @property
     def device(self) -> torch.device:
@@ -139,7 +143,7 @@ class SequentialClassifier(SurfaceClassifier):
             spent += cost
             beginning = trace[:, : start + features.samples(seen)]
             vote = self.full.classify(**{sense.modality: beginning})
-            if is_confident(vote.probability, self.threshold):
+            if self._suffices(vote, [sense.name]):
                 return replace(vote, relative_macs=spent / full)
             seen *= 2
         vote = self.full.classify(**{sense.modality: trace})
@@ -149,16 +153,33 @@ class SequentialClassifier(SurfaceClassifier):
         """Classify with one sense after another, the cheapest first."""
         inputs = {name: recordings[sense.modality] for name, sense in senses.items()}
         costs = {name: self._cost(sense, inputs[name]) for name, sense in senses.items()}
-        seed, partials, spent = self.full.seed(**recordings), {}, 0
+        seed, outputs, spent = self.full.seed(**recordings), dict[str, SenseOutput](), 0
         for name in sorted(costs, key=costs.__getitem__):
-            partials[name] = self.full.partial_logits(name, inputs[name])
+            outputs[name] = self.full.sense_output(name, inputs[name])
             spent += costs[name]
-            temperature = self.card.temperature if len(partials) == len(senses) else 1.0
-            asked = [partials[name] for name in senses if name in partials]
-            vote = self.full.decide(self.full.fuse(asked, seed), temperature)
-            if is_confident(vote.probability, self.threshold):
+            if len(outputs) == len(senses):
                 break
-        return replace(vote, relative_macs=spent / sum(costs.values()))
+            asked = [name for name in senses if name in outputs]
+            partials = [outputs[name].partial_logits for name in asked]
+            novelty = join_novelties([outputs[name] for name in asked])
+            vote = self.full.decide(self.full.fuse(partials, seed), 1.0)
+            known = None if novelty is None else float(novelty)
+            if self._suffices(replace(vote, novelty=known), asked):
+                looked_at = tuple(dict.fromkeys(senses[name].modality for name in asked))
+                # its novelty is not on the scale of others, to which all senses add
+                return replace(
+                    vote, relative_macs=spent / sum(costs.values()), modalities=looked_at
+                )
+        return self.full.vote(outputs, seed)
+
+    def _suffices(self, vote: Vote, asked: Sequence[str]) -> bool:
+        """Return whether a vote is confident, and not more novel than these senses allow."""
+        names = tuple(asked)
+        if names not in self.novelty_limits:
+            self.novelty_limits[names] = self.card.of(names).unknown_above
+        limit = self.novelty_limits[names]
+        novel = limit is not None and vote.novelty is not None and vote.novelty > limit
+        return is_confident(vote.probability, self.threshold) and not novel
 
     def _cost(self, sense: Sense, recording: Tensor) -> int:
         """Count the multiply-accumulates of one sense, of a recording that is large enough.

@@ -30,10 +30,10 @@ class Prediction:
         fragments: Number of fragments.
         relative_macs: Computed MACs as a share of those of the full decision.
         warnings: Faults of the input, one sentence each.
-        modalities: Modalities that a FusionNet used; empty for other networks.
+        modalities: Modalities that a FusionNet looked at; empty for other networks.
         latency_ms: Time from file or array to label in milliseconds.
         novelty: Distance to the closest class, from 0 to 2 for each sense; None without
-            ``decision.unknown``.
+            ``decision.unknown``, or where a sequential decision left out a sense.
 
     Example:
         >>> import tex_lightning as tl

@@ -123,7 +123,7 @@ class Predictor:
             raise UserError(f"{' and '.join(files)}: {error}") from error
         synchronise(decider.device)
         latency, fused = time.perf_counter() - begin, self.classifier.fusion is not None
-        modalities = decider.card.modalities if fused else ()
+        modalities = vote.modalities or decider.card.modalities if fused else ()
         quality = together(quality for _, quality in decoded.values())
         return describe(vote, decider.card, quality, self.config.top_k, latency, modalities)
 
