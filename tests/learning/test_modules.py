@@ -1,7 +1,9 @@
 """The LightningModules: parameter groups, schedules, losses."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import torch
 from conftest import make_card, make_trace, save_classifier
@@ -9,8 +11,12 @@ from torch import nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.vote import random_tuples
+from tex_lightning.config import TrainerConfig
+from tex_lightning.data.banks import InputBank
+from tex_lightning.data.datamodule import SurfaceData, TrainingBatches
 from tex_lightning.errors import UserError
 from tex_lightning.learning.module import SurfaceModule, start_fusion
+from tex_lightning.learning.trainer import make_trainer, quiet_lightning
 
 SCHEDULES = "torch.optim.lr_scheduler"
 FIT = {
@@ -180,3 +186,53 @@ def test_fusion_starts_from_checkpoints_of_three_senses(tmp_path):
     tuples = random_tuples(counts, 50, classifier.seed(**sample))
     expected = sum(each[:, tuples[:, place]] for place, each in enumerate(alone))
     torch.testing.assert_close(classifier.logits(**sample), expected, rtol=1e-4, atol=1e-4)
+
+
+def rates_of(folder: Path, precision: str = "32-true", **flags: object) -> list[float]:
+    """The learning rates of the head in every step of two epochs of six batches."""
+    settings = TrainerConfig("cpu", 1, 1, "auto", precision, False)
+    for name, value in flags.items():
+        setattr(settings, name, value)
+    model, rates = module("haptic", epochs=2, steps_per_epoch=6, augmentation=None), []
+    bank = InputBank([torch.rand(1, 50, 300) for _ in range(4)], frames=192)
+    batches = TrainingBatches({"haptic": (bank, np.array([0, 1, 2, 0]))}, batch_size=2, seed=0)
+    working = folder / "checkpoints" / "haptic"
+    with quiet_lightning():
+        trainer, *_ = make_trainer(settings, [], [], model.fit_config, working, validated=False)
+        model.on_before_optimizer_step = lambda *_: rates.append(
+            trainer.optimizers[0].param_groups[-1]["lr"]
+        )
+        trainer.fit(model, datamodule=SurfaceData(batches, 6, None, 0))
+    return rates
+
+
+@pytest.mark.parametrize(
+    ("flags", "steps"),
+    [
+        ({}, 12),
+        ({"accumulate_grad_batches": 4}, 4),
+        ({"max_steps": 7}, 7),
+        ({"limit_train_batches": 3}, 6),
+        ({"limit_train_batches": 0.5, "accumulate_grad_batches": 2}, 4),
+        ({"max_epochs": 1}, 6),
+        ({"max_epochs": 3, "max_steps": 15}, 15),
+        ({"max_epochs": -1, "max_steps": 8}, 8),
+        ({"precision": "bf16-mixed", "gradient_clip_val": 0.5}, 12),
+        ({"gradient_clip_val": 0.5}, 12),
+    ],
+)
+def test_the_schedule_ends_where_the_training_does(tmp_path, flags, steps):
+    rates = rates_of(tmp_path, **flags)
+    assert len(rates) == steps
+    assert rates[-1] < 1e-3 * max(rates)  # the end of OneCycleLR
+
+
+def test_a_fit_in_closed_form_takes_no_step_whatever_the_flags_say(tmp_path):
+    settings, working = TrainerConfig("cpu", 1, 1, "auto", "32-true", False), tmp_path / "a" / "b"
+    for value in (3, "three"):
+        settings.max_epochs = value
+        none = {**FIT, "epochs": 0}
+        trainer, *_ = make_trainer(settings, [], [], none, working, validated=False)
+        assert trainer.max_epochs == 0
+    with pytest.raises(UserError, match=r"trainer\.max_epochs=three is no number"):
+        make_trainer(settings, [], [], FIT, working, validated=False)

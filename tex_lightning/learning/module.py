@@ -4,11 +4,13 @@ FusionNet learns from trained unimodal networks (paper, section III-B), on piece
 prediction each, with a faster head.
 """
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any, Self
 
 import torch
 from lightning import LightningModule
+from lightning.pytorch.plugins import MixedPrecision
 from torch import Tensor, nn
 from torch.optim.lr_scheduler import LRScheduler, ReduceLROnPlateau
 from torchmetrics.classification import MulticlassAccuracy
@@ -210,12 +212,31 @@ class SurfaceModule(LightningModule):
         backbone, head = self.parameter_groups()
         if not backbone + head:
             return None  # of a network that was fitted in closed form to its buffers
-        where = f"model.{self.kind}.fit"
-        optimizer, scheduler = make_optimizer(where, self.fit_config, backbone, head)
+        where, weights = f"model.{self.kind}.fit", backbone + head
+        # one pass over the parameters; on a GPU it would keep Lightning from clipping gradients
+        fused = all(weight.device.type == "cpu" for weight in weights) and not self._clips_unscaled
+        optimizer, scheduler = make_optimizer(
+            where, self.fit_config, backbone, head, steps=self._planned_steps(), fused=fused
+        )
         return {
             "optimizer": optimizer,
             "lr_scheduler": {"scheduler": scheduler, "interval": "step"},
         }
+
+    def _planned_steps(self) -> int:
+        """Return the number of the optimiser's steps, as far as flags of the trainer tell it."""
+        fit, trainer = self.fit_config, self._trainer
+        planned: int = fit["epochs"] * fit["steps_per_epoch"]
+        if trainer is not None and math.isfinite(steps := trainer.estimated_stepping_batches):
+            planned = int(steps)
+        return max(1, planned)
+
+    @property
+    def _clips_unscaled(self) -> bool:
+        """Whether gradients are clipped under mixed precision, which no fused optimiser allows."""
+        if (trainer := self._trainer) is None or not trainer.gradient_clip_val:
+            return False
+        return isinstance(trainer.precision_plugin, MixedPrecision)
 
 
 def start_fusion(
@@ -255,7 +276,13 @@ def training_layout(classifier: nn.Module) -> torch.memory_format:
 
 
 def make_optimizer(
-    where: str, fit: dict[str, Any], backbone: list[nn.Parameter], head: list[nn.Parameter]
+    where: str,
+    fit: dict[str, Any],
+    backbone: list[nn.Parameter],
+    head: list[nn.Parameter],
+    *,
+    steps: int,
+    fused: bool,
 ) -> tuple[Any, LRScheduler]:
     """Make a recipe's optimiser of two groups of parameters, and its schedule.
 
@@ -264,6 +291,8 @@ def make_optimizer(
         fit: The recipe.
         backbone: Parameters at the base learning rate.
         head: Parameters at ``head_factor`` times that.
+        steps: Number of steps over which the schedule goes, where its class takes it.
+        fused: Whether the optimiser makes one pass over the parameters, where its class can.
 
     Raises:
         UserError: If one of the two cannot be made, or is none.
@@ -274,9 +303,6 @@ def make_optimizer(
         {"params": head, "lr": rate * fit["head_factor"], "name": "head"},
     ]
     groups = [group for group in groups if group["params"]]
-    steps = max(1, fit["epochs"] * fit["steps_per_epoch"])
-    # one pass over the parameters; on a GPU it would keep Lightning from clipping gradients
-    fused = all(weight.device.type == "cpu" for weight in backbone + head)
     make = build(f"{where}.optimizer", fit["optimizer"], **({"fused": True} if fused else {}))
     optimizer = call(f"{where}.optimizer", make, groups)
     make_scheduler = build(

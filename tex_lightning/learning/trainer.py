@@ -164,15 +164,19 @@ def make_trainer(
         "num_sanity_val_steps": 0,
         "enable_model_summary": False,
         "sync_batchnorm": settings.accelerator != "cpu" and torch.cuda.is_available(),
+        "max_epochs": fit["epochs"],
         **settings.flags,
     }
+    if not fit["epochs"]:  # what is fitted in closed form takes no step
+        flags["max_epochs"] = 0
+    if type(flags["max_epochs"]) is not int:  # which Lightning would find in the midst of work
+        raise UserError(f"trainer.max_epochs={flags['max_epochs']} is no number; correct it.")
     if isinstance(flags["strategy"], dict):
         flags["strategy"] = build("trainer.strategy", flags["strategy"])
     try:
         trainer = Trainer(
             **flags,
             plugins=[CheckpointFiles()],
-            max_epochs=fit["epochs"],
             callbacks=[timer, *keepers, *callbacks],
             logger=[*loggers],
             use_distributed_sampler=False,  # every process knows its share of a batch
