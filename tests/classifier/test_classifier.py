@@ -132,6 +132,20 @@ def test_a_network_of_ones_own_with_a_head_is_fused_and_classifies_alone(name):
         )
 
 
+@pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16])
+@pytest.mark.parametrize("amplitude", [1, 30, 3000])
+def test_features_are_computed_in_float32_within_mixed_precision(dtype, amplitude):
+    model = classifier("three")
+    recordings = sample() | {name: amplitude * sample()[name] for name in ("haptic", "sound")}
+    for sense in model.senses.values():
+        recording = recordings[sense.modality]
+        expected = sense(recording)
+        with torch.autocast("cpu", dtype=dtype):
+            found = sense(recording)
+        assert found.dtype == torch.float32
+        torch.testing.assert_close(found, expected, rtol=0, atol=0)
+
+
 def test_foreign_damaged_and_mistaken_checkpoints_are_refused(tmp_path):
     path = tmp_path / "m.ckpt"
     model = classifier("haptic")

@@ -118,6 +118,15 @@ def test_the_loss_is_the_mean_cross_entropy_of_all_fragments():
     torch.testing.assert_close(loss, torch.stack(by_hand).mean())
 
 
+def test_training_inputs_are_computed_in_float32_within_mixed_precision():
+    model, batch = module("visual").train(), batch_of_three(2)
+    model.augmentation = nn.Conv2d(3, 3, 3, padding=1).requires_grad_(False)
+    (expected,) = model.inputs(batch)
+    with torch.autocast("cpu", dtype=torch.bfloat16):
+        (found,) = model.inputs(batch)
+    torch.testing.assert_close(found, expected, rtol=0, atol=0)
+
+
 def test_metrics_are_logged_after_an_epoch_and_not_after_every_sample():
     """Lightning moves all that a logged metric keeps, which would be quadratic in the samples."""
     model, logged = quiet(module("haptic").eval()), {}

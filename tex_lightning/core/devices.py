@@ -40,6 +40,20 @@ def pick_device(accelerator: str) -> torch.device:
     return torch.device("cpu")
 
 
+@contextmanager
+def full_precision(device: torch.device) -> Iterator[None]:
+    """Compute in float32 where the caller lets PyTorch choose (autocast), as in mixed precision.
+
+    Half precision ends at 65504: squares of samples above 3 sum up to more in a spectrogram.
+    """
+    kind = device.type
+    if torch.amp.is_autocast_available(kind) and torch.is_autocast_enabled(kind):
+        with torch.autocast(kind, enabled=False):
+            yield
+    else:
+        yield
+
+
 def use_tf32(allowed: bool) -> None:
     """Set whether NVIDIA GPUs round the factors of fp32 products to 10 bits (TF32).
 

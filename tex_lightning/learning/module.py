@@ -21,6 +21,7 @@ from tex_lightning.config import EngineConfig
 from tex_lightning.config.instantiation import build, call
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.contract import breach, calling, describe
+from tex_lightning.core.devices import full_precision
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
@@ -74,11 +75,12 @@ class SurfaceModule(LightningModule):
         self.fragment_accuracy, self.vote_accuracy = accuracy(classes), accuracy(classes)
 
     def inputs(self, batch: Batch) -> list[Tensor]:
-        """Return the network inputs (batch, ...) of a training batch, one for each sense."""
+        """Return the network inputs (batch, ...) of a training batch, in float32, by sense."""
         change = self._augmented if self.augmentation is not None and self.training else None
         inputs = []
         for name, sense in self.classifier.senses.items():
-            x = sense.training_input(batch[name], self.pieces[name], change)
+            with full_precision(sense.device):
+                x = sense.training_input(batch[name], self.pieces[name], change)
             inputs.append(x.contiguous() if self.layout is torch.contiguous_format else x)
         return inputs
 

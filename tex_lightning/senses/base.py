@@ -12,6 +12,7 @@ from torch import Tensor, nn
 
 from tex_lightning.config.instantiation import TARGET, make, make_value, trusted_class
 from tex_lightning.core.contract import breach, calling, describe
+from tex_lightning.core.devices import full_precision
 from tex_lightning.data.banks import Bank
 from tex_lightning.data.decode import Array, Decoder
 from tex_lightning.data.quality import Quality, Ranges
@@ -161,7 +162,7 @@ class Sense(nn.Module, ABC):
         return self.read(recording)
 
     def read(self, x: Tensor) -> Tensor:
-        """Return the network input of a recording, or of a batch of photos.
+        """Return the network input of a recording, or of a batch of photos, computed in float32.
 
         Raises:
             UserError: If that of a signal is not finite: NaN would win every vote.
@@ -169,7 +170,7 @@ class Sense(nn.Module, ABC):
         x = x.to(next(chain(self.buffers(), self.parameters()), x).device)
         part = f"model.{self.name}.features", "features", self.features
         batch = len(x) if x.dim() == 4 else 1
-        with calling(*part):
+        with calling(*part), full_precision(x.device):
             output: object = self.features(x)
         if not isinstance(output, Tensor) or output.dim() < self.dimensions or len(output) != batch:
             raise breach(*part, f"returned {describe(output)} for a batch of {batch}")
