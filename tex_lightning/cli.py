@@ -43,6 +43,7 @@ from tex_lightning.core.run_folder import claim_folder, find_checkpoint, holds_w
 from tex_lightning.errors import UserError, reason, shorten
 
 FAILED, USER_FAULT, INTERRUPTED = 1, 2, 130  # exit statuses
+EXHAUSTIVE = "hydra._internal.core_plugins.basic_sweeper.BasicSweeper"  # runs all combinations
 
 # Of every job of this process its run folder, and the override that goes on with it; none means
 # that Hydra could not make a run folder.
@@ -224,6 +225,8 @@ def run_job(composed: DictConfig) -> float | None:
 
     job = current_job()
     swept = job.origin == "sweep"
+    if swept:
+        _check_search(composed, job)
     place = OmegaConf.select(job.hydra, "hydra.sweep.dir") if swept else job.directory
     STARTED.append((job.directory, f"hydra.{'sweep' if swept else 'run'}.dir={place}"))
     (job.directory / FAILURE).unlink(missing_ok=True)
@@ -240,6 +243,24 @@ def run_job(composed: DictConfig) -> float | None:
         said = mistake or fault_of(error) or f"{type(error).__name__}: {error}"
         note_failure(job, str(said))
         return None
+
+
+def _check_search(composed: DictConfig, job: Job) -> None:
+    """End a sweep that searches for settings and has nothing but the test to choose by.
+
+    Raises:
+        SystemExit: With the exit status, once that is said: every other job would fail alike.
+    """
+    sweeper = str(OmegaConf.select(job.hydra, "hydra.sweeper._target_"))
+    validated = composed.task == "fit" and composed.data.val_fold is not None
+    if sweeper != EXHAUSTIVE and not validated:
+        said = (
+            f"A search (hydra/sweeper={job.hydra.hydra.runtime.choices.get('hydra/sweeper')}) "
+            "chooses settings by the loss on a validation fold, and this one has none: chosen on "
+            "the test fold, its accuracy would be too high; give task=fit data.val_fold=1, and "
+            "test the settings that are found on the other folds."
+        )
+        raise SystemExit(complain(said))
 
 
 def run_task(composed: DictConfig, job: Job) -> float | None:

@@ -73,7 +73,7 @@ def test_devices_that_are_no_number_are_refused(devices):
 @pytest.mark.parametrize(
     "case",
     [
-        "model.haptic.fit.optimizer.betas=[2,2]", "trainer.gradient_clip=1", "trainer.max_epochs=3",
+        "model.haptic.fit.optimizer.betas=[2,2]", "trainer.gradient_clip=1", "trainer.plugins=3",
         "callbacks.progress.foo=1",
     ],
 )  # fmt: skip

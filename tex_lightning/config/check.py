@@ -126,10 +126,9 @@ def _decision_rules(config: Config) -> Iterator[Rule]:
         )
     sequential, unknown = decision.name == "sequential", bool(decision.unknown)
     yield (
-        sequential and (model.baseline is not None or unknown or task in NOT_SEQUENTIAL),
-        "decision=sequential looks at parts of a recording, which goes with neither a baseline, "
-        f"decision.unknown nor {', '.join(f'task={name}' for name in NOT_SEQUENTIAL)}: leave it "
-        "out",
+        sequential and (model.baseline is not None or task in NOT_SEQUENTIAL),
+        "decision=sequential looks at parts of a recording, which goes with neither a baseline nor "
+        f"{', '.join(f'task={name}' for name in NOT_SEQUENTIAL)}: leave it out",
     )
     yield (
         unknown and model.baseline is not None,

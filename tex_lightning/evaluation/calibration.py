@@ -15,12 +15,14 @@ from torch import Tensor
 from torchmetrics.functional.classification import binary_calibration_error
 
 from tex_lightning.classifier.card import Card
+from tex_lightning.classifier.vote import RULES
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import class_indices
 from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.networks.linear import fit_temperature
 
 BINS = 15
+IMPROBABLE = 1e-12  # the least probability of which a logarithm is taken
 Array = npt.NDArray[np.float64]
 
 
@@ -58,6 +60,20 @@ def auroc(negative: Sequence[float], positive: Sequence[float]) -> float | None:
         return None
     pairs = len(negative) * len(positive)
     return float(mannwhitneyu(positive, negative).statistic / pairs)
+
+
+def sample_loss(card: Card, samples: Sequence[Sample], scores: Sequence[Tensor]) -> float:
+    """Return the mean negative logarithm of the probability that samples' own class gets.
+
+    Args:
+        card: Card of the classifier, with its temperature.
+        samples: At least one.
+        scores: Class scores (classes, fragments) of each.
+    """
+    labels = class_indices([sample.label for sample in samples], card.classes)
+    votes = [RULES[card.rule](logits, card.temperature) for logits in scores]
+    likely = [vote.probabilities[label] for vote, label in zip(votes, labels, strict=True)]
+    return float(-torch.stack(likely).clamp_min(IMPROBABLE).log().mean())
 
 
 def calibrated_card(

@@ -95,15 +95,18 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     }
 
 
-def optimized_value(results: dict[str, Any]) -> float:
-    """Return what a search minimises: the validation loss, without one the error of the test.
+def optimized_value(results: dict[str, Any]) -> float | None:
+    """Return what a search minimises, the validation loss, and never anything of the test.
 
     Args:
         results: Results of a training; its last network is the one that was asked for.
+
+    Returns:
+        None without a validation fold.
     """
     *_, network = results["networks"].values()
     loss: float | None = network.get("val_loss")
-    return float(1 - network["vote_accuracy"]) if loss is None else loss
+    return loss
 
 
 def wilson_interval(correct: int, count: int) -> list[float]:

@@ -226,12 +226,21 @@ class SurfaceModule(LightningModule):
         }
 
     def _planned_steps(self) -> int:
-        """Return the number of the optimiser's steps, as far as flags of the trainer tell it."""
-        fit, trainer = self.fit_config, self._trainer
-        planned: int = fit["epochs"] * fit["steps_per_epoch"]
-        if trainer is not None and math.isfinite(steps := trainer.estimated_stepping_batches):
-            planned = int(steps)
-        return max(1, planned)
+        """Return the number of the optimiser's steps, as far as flags of the trainer tell it.
+
+        It is Lightning's ``estimated_stepping_batches``, which would begin to iterate over the
+        batches before a resumed run knows its epoch.
+        """
+        epochs, batches = self.fit_config["epochs"], self.fit_config["steps_per_epoch"]
+        if (trainer := self._trainer) is None:
+            return max(1, epochs * batches)
+        limit, endless = trainer.limit_train_batches, trainer.max_epochs == -1
+        batches = min(batches, limit if isinstance(limit, int) else int(batches * limit))
+        batches = math.ceil(batches / trainer.accumulate_grad_batches)
+        steps: int = batches * (epochs if endless or not trainer.max_epochs else trainer.max_epochs)
+        if trainer.max_steps > 0:
+            steps = trainer.max_steps if endless else min(steps, trainer.max_steps)
+        return max(1, steps)
 
     @property
     def _clips_unscaled(self) -> bool:

@@ -20,7 +20,7 @@ from tex_lightning.core.progress import track
 from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.recordings import Recording, Recordings, class_indices, plural
 from tex_lightning.data.store import Store, load_recording, load_sample
-from tex_lightning.evaluation.calibration import calibrated_card
+from tex_lightning.evaluation.calibration import calibrated_card, sample_loss
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.learning.start import FrozenTrunk, fits_probabilities, scores_textures
 
@@ -124,7 +124,7 @@ def position_features(
 def complete_card(
     classifier: SurfaceClassifier, parts: Split, store: Store, engine: EngineConfig
 ) -> None:
-    """Set temperature and known novelties of a trained card on the validation fold.
+    """Set temperature, known novelties and loss of a trained card on the validation fold.
 
     That is the temperature, and the novelties of known samples that ``decision.unknown`` is set
     by. Where no layer before the scores was trained, those of training recordings that were left
@@ -153,6 +153,9 @@ def complete_card(
         if rows:
             columns = zip(card.sense_names, map(list, zip(*rows, strict=True)), strict=True)
             card = replace(card, calibration={**card.calibration, NOVELTIES: dict(columns)})
+    if samples and card.training["val_loss"] is None:  # of what took no step
+        loss = sample_loss(card, samples, scores)
+        card = replace(card, training={**card.training, "val_loss": loss})
     classifier.card = card
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from lightning.pytorch.loggers import Logger
 
 from tex_lightning.baselines.classifier import BaselineClassifier, Loaded, as_part, load_classifier
@@ -27,7 +28,7 @@ from tex_lightning.data.quality import training_ranges
 from tex_lightning.data.recordings import Recordings, class_indices
 from tex_lightning.data.store import Store, load_recording, load_sample
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.calibration import calibrated_card
+from tex_lightning.evaluation.calibration import calibrated_card, sample_loss
 from tex_lightning.evaluation.outcomes import RANDOM, write_results
 from tex_lightning.inference.prediction import name_conflict
 from tex_lightning.learning.start import starting_classifier
@@ -81,12 +82,11 @@ def fit_baseline(
     seconds = time.perf_counter() - begin
     try_baseline(classifier, [load_recording(row, store) for row in rows[:2]])
     validation = make_samples(parts.val, card.modalities)
-    card = calibrated_card(
-        classifier.card,
-        validation,
-        lambda: [classifier.logits(**load_sample(sample, store)) for sample in validation],
-    )
-    classifier.card = replace(card, training={"fit_seconds": seconds})
+    with torch.inference_mode():
+        scores = [classifier.logits(**load_sample(sample, store)) for sample in validation]
+    card = calibrated_card(classifier.card, validation, lambda: scores)
+    loss = sample_loss(card, validation, scores) if validation else None
+    classifier.card = replace(card, training={"fit_seconds": seconds, "val_loss": loss})
     classifier.save(final)
     return classifier
 
