@@ -14,24 +14,29 @@ def drawn(recordings=40, features=6, classes=4, seed=0):
 
 
 def covariance(statistics):
-    """The full matrix that directions and variances stand for."""
+    """The full matrix that deviations, directions and variances stand for."""
     directions, size = statistics.directions, statistics.means.shape[1]
     along = directions.T @ torch.diag(statistics.variances - statistics.rest) @ directions
-    return along + statistics.rest * torch.eye(size)
+    scale = statistics.deviations
+    return scale[:, None] * (along + statistics.rest * torch.eye(size)) * scale
 
 
 @pytest.mark.parametrize(("recordings", "features"), [(40, 6), (12, 30)])
 def test_the_covariance_is_shrunk_as_scikit_learn_does(recordings, features):
     rows, labels, classes = drawn(recordings, features)
     found = FeatureStatistics.of(rows, labels, classes)
-    centred = torch.cat([rows[labels == each] - rows[labels == each].mean(0) for each in range(4)])
+    scaled = rows / found.deviations
+    centred = torch.cat(
+        [scaled[labels == each] - scaled[labels == each].mean(0) for each in range(4)]
+    )
     freedom = recordings - classes
     # scikit-learn divides by the rows it gets; an orthogonal basis of the centred ones is as many
     _, scales, directions = torch.linalg.svd(centred.double(), full_matrices=False)
     basis = (scales[:, None] * directions)[:freedom]
     expected, _ = oas(torch.nn.functional.pad(basis, (0, 0, 0, freedom - len(basis))).numpy(),
                       assume_centered=True)  # fmt: skip
-    torch.testing.assert_close(covariance(found), torch.from_numpy(expected).float())
+    expected = torch.from_numpy(expected).float() * found.deviations * found.deviations[:, None]
+    torch.testing.assert_close(covariance(found), expected)
     assert found.counts.tolist() == [recordings // classes] * classes
     torch.testing.assert_close(found.means[1], rows[labels == 1].mean(0))
 
@@ -39,12 +44,11 @@ def test_the_covariance_is_shrunk_as_scikit_learn_does(recordings, features):
 def test_novelty_is_that_of_the_angle_in_whitened_space():
     rows, labels, classes = drawn(40, 6)
     found = FeatureStatistics.of(rows, labels, classes)
-    values, vectors = torch.linalg.eigh(covariance(found).double())
-    root = vectors @ torch.diag(values.rsqrt()) @ vectors.T
-    centre = found.means.mean(dim=0)
+    inverse = torch.linalg.inv(covariance(found).double())
     point = torch.randn(6)
-    x, means = root @ (point - centre).double(), (found.means - centre).double() @ root
-    expected = 1 - (means @ x) / (x.norm() * means.norm(dim=1))
+    x, means = ((each - found.means.mean(dim=0)).double() for each in (point, found.means))
+    lengths = ((x @ inverse @ x) * (means @ inverse * means).sum(dim=1)).sqrt()
+    expected = 1 - (means @ inverse @ x) / lengths
     assert found.novelty(point).item() == pytest.approx(expected.min().item(), rel=1e-4)
     several = torch.stack([point, rows[0]])
     torch.testing.assert_close(found.novelty(several)[0], found.novelty(point))
@@ -53,3 +57,31 @@ def test_novelty_is_that_of_the_angle_in_whitened_space():
 def test_one_recording_of_each_class_is_like_no_other():
     rows, labels, classes = drawn(4, 6)
     assert FeatureStatistics.of(rows, labels, classes).novelty(rows).max() < 1e-5
+
+
+def test_units_of_features_make_no_difference():
+    """Thousands of noisy features drowned the few that tell, and four of five unknown ones."""
+    rows, labels, classes = drawn(40, 6)
+    units = torch.tensor([1e-3, 1, 1, 30, 1e3, 1])
+    plain, scaled = (FeatureStatistics.of(each, labels, classes) for each in (rows, rows * units))
+    points = 5 * torch.randn(20, 6)
+    torch.testing.assert_close(scaled.novelty(points * units), plain.novelty(points))
+    weights = torch.randn(3, 6)
+    torch.testing.assert_close(
+        points @ plain.weights_before(weights).T, plain.whiten(points) @ weights.T
+    )
+
+
+def test_the_deviations_are_those_within_classes_where_there_are_many_recordings():
+    rows, labels, classes = drawn(4000, 6)
+    found = FeatureStatistics.of(torch.cat((rows, torch.ones(4000, 1)), dim=1), labels, classes)
+    within = torch.cat([rows[labels == each] - rows[labels == each].mean(0) for each in range(4)])
+    torch.testing.assert_close(found.deviations[:6], within.std(dim=0), rtol=0.02, atol=0)
+    assert found.deviations[6] == found.deviations[:6].square().mean().sqrt()  # never varied
+
+
+def test_statistics_of_earlier_checkpoints_are_read():
+    rows, labels, classes = drawn(40, 6)
+    state = FeatureStatistics.of(rows, labels, classes).state_dict()
+    del state["deviations"]
+    assert FeatureStatistics.from_state(state).deviations.tolist() == [1] * 6

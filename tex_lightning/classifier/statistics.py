@@ -11,15 +11,18 @@ from torch import Tensor, nn
 
 MAX_RANK = 128  # directions of the covariance that are kept; the others share one variance
 LEAST_VARIANCE = 1e-8  # of features that never vary
+ROUNDING = 1e-12  # of a feature's mean square: its variance where it never varies
+PRIOR = 3  # recordings, as which the deviation of a feature between classes counts, too
 
 
 class FeatureStatistics(nn.Module):
     """Means of all classes and one covariance within them, as of a linear discriminant analysis.
 
-    The covariance is that of the recordings' mean features about the mean of their class, shrunk
-    towards a multiple of the identity: sum_i v_i d_i d_i^T + rest (1 - sum_i d_i d_i^T), with
-    orthonormal directions d_i. It needs little memory for thousands of features, and is never
-    singular.
+    The covariance is that of the recordings' mean features about the mean of their class. Each
+    feature is divided by its deviation first, so that of thousands of features those that tell
+    little do not drown the others. Then it is shrunk towards a multiple of the identity: sum_i v_i
+    d_i d_i^T + rest (1 - sum_i d_i d_i^T), with orthonormal directions d_i. It needs little memory
+    for thousands of features, and is never singular.
 
     Args:
         classes: Number of classes.
@@ -29,7 +32,8 @@ class FeatureStatistics(nn.Module):
     Attributes:
         means: (classes, D), the mean features of each class.
         counts: (classes,) int64, recordings behind each mean.
-        directions: (rank, D), orthonormal.
+        deviations: (D,) of each feature within the classes, above 0.
+        directions: (rank, D), orthonormal, of the features divided by their deviations.
         variances: (rank,) along the directions, above 0.
         rest: () variance along every other direction, above 0.
         white: (classes, D), the means about their centre, whitened.
@@ -48,6 +52,7 @@ class FeatureStatistics(nn.Module):
 
     means: Tensor
     counts: Tensor
+    deviations: Tensor
     directions: Tensor
     variances: Tensor
     rest: Tensor
@@ -57,6 +62,7 @@ class FeatureStatistics(nn.Module):
         super().__init__()
         self.register_buffer("means", torch.zeros(classes, features))
         self.register_buffer("counts", torch.zeros(classes, dtype=torch.long))
+        self.register_buffer("deviations", torch.ones(features))
         self.register_buffer("directions", torch.zeros(rank, features))
         self.register_buffer("variances", torch.ones(rank))
         self.register_buffer("rest", torch.ones(()))
@@ -75,14 +81,18 @@ class FeatureStatistics(nn.Module):
         centred, freedom = rows - means[labels], len(rows) - classes
         if freedom < 1:
             centred, freedom = means - means.mean(dim=0), max(1, classes - 1)
-        spread, directions = _principal(centred)
+        deviations = _deviations(rows, centred, freedom)
+        spread, directions = _principal(centred / deviations)
         variances, rest = _shrunk(spread / freedom, freedom, rows.shape[1])
-        state = {"means": means, "counts": counts, "directions": directions[: len(variances)]}
-        return cls.from_state({**state, "variances": variances, "rest": rest})
+        state = {"means": means, "counts": counts, "deviations": deviations}
+        state |= {"directions": directions[: len(variances)], "variances": variances, "rest": rest}
+        return cls.from_state(state)
 
     @classmethod
     def from_state(cls, state: dict[str, Tensor]) -> Self:
         """Make statistics of the sizes of a stored state, and load it.
+
+        Without ``deviations``, as earlier checkpoints have them, all features weigh the same.
 
         Raises:
             KeyError: If a tensor is missing.
@@ -91,7 +101,7 @@ class FeatureStatistics(nn.Module):
         """
         classes, features = state["means"].shape
         statistics = cls(classes, features, len(state["directions"]))
-        statistics.load_state_dict(state)
+        statistics.load_state_dict({"deviations": statistics.deviations, **state})
         means = statistics.means
         statistics.white.copy_(statistics.whiten(means - means.mean(dim=0)))
         return statistics
@@ -111,14 +121,23 @@ class FeatureStatistics(nn.Module):
         noise = torch.randn(shape, generator=generator).to(self.means)
         along, least = noise @ self.directions.T, self.rest.sqrt()
         noise = least * noise + (along * (self.variances.sqrt() - least)) @ self.directions
+        noise *= self.deviations
         wider = (1 + 1 / self.counts).sqrt()[:, None, None]
         return self.means[:, None] + wider * noise
 
     def whiten(self, features: Tensor) -> Tensor:
-        """Whiten features (..., D) by a symmetric matrix: their covariance becomes the identity."""
-        along = features @ self.directions.T
+        """Whiten features (..., D): their covariance becomes the identity."""
+        return self._decorrelate(features / self.deviations)
+
+    def weights_before(self, weights: Tensor) -> Tensor:
+        """Return weights (..., D) that score features as ``weights`` score whitened ones."""
+        return self._decorrelate(weights) / self.deviations
+
+    def _decorrelate(self, x: Tensor) -> Tensor:
+        """Multiply (..., D) by the symmetric root of the inverse covariance of scaled features."""
+        along = x @ self.directions.T
         scale, least = self.variances.rsqrt(), self.rest.rsqrt()
-        return least * features + (along * (scale - least)) @ self.directions
+        return least * x + (along * (scale - least)) @ self.directions
 
     def novelty(self, features: Tensor) -> Tensor:
         """Return how unlike every class features (..., D) of whole recordings are: (...), 0 to 2.
@@ -132,6 +151,21 @@ class FeatureStatistics(nn.Module):
         lengths = point.norm(dim=-1, keepdim=True) * self.white.norm(dim=-1)
         cosines: Tensor = (point @ self.white.T) / lengths.clamp(min=LEAST_VARIANCE)
         return 1 - cosines.amax(dim=-1).clamp(max=1)  # rounding may pass it
+
+
+def _deviations(rows: Tensor, centred: Tensor, freedom: int) -> Tensor:
+    """Return the deviation (D,) of each feature within the classes.
+
+    Args:
+        rows: Features (N, D).
+        centred: The same about the means of their classes.
+        freedom: Degrees of freedom that these have.
+    """
+    variances = centred.square().sum(dim=0) + PRIOR * rows.var(dim=0, correction=0)
+    variances /= freedom + PRIOR
+    varying = variances > ROUNDING * rows.square().mean(dim=0)
+    usual = variances[varying].mean() if varying.any() else torch.ones_like(variances[0])
+    return torch.where(varying, variances, usual).sqrt()  # any value of a constant one is new
 
 
 def _principal(centred: Tensor) -> tuple[Tensor, Tensor]:

@@ -67,7 +67,7 @@ def fit_new_class_weights(
         return total
 
     optimizer.step(loss)  # type: ignore[no-untyped-call]  # likewise
-    weights = statistics.whiten(rows.detach())
+    weights = statistics.weights_before(rows.detach())
     return weights, biases.detach() - weights @ origin
 
 
