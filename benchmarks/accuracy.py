@@ -12,9 +12,10 @@ import json
 import os
 import time
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from hashlib import sha256
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -51,6 +52,9 @@ COLUMNS = (*NAMES, "score", "balanced", "correct", "tested", "ci_low", "ci_high"
            "latency_ms", "failed")  # fmt: skip
 SPLIT = "benchmark"  # condition of a manifest that says what is tested
 WINDOW, BANDS, FLOOR = 0.1, 24, 1e-10  # of log-band energies: s, number, power
+AEON = "aeon="  # begins the override that names one of its classifiers
+Array = np.ndarray[Any, Any]
+Features = Callable[[Array, float], Array]  # of a signal (axes, samples) and its rate in Hz
 Node = dict[str, Any]
 Cell = tuple[str, str, str]
 Rows = Sequence[tl.Recording]
@@ -109,10 +113,8 @@ def run(settings: Node, cell: Cell, target: Path) -> Node:
     entry, division = settings["data"][data], settings["protocols"][protocol]
     overrides = tuple(settings["systems"][entry["modality"]][system])
     try:
-        config = configured(*overrides)
-        model = config.model
-        parts = model.baseline or [*map(model.sense, model.senses), config.decision]
-        described = entry.get("keys"), entry.get("window"), division, overrides, overrides and parts
+        parts = () if is_peer(overrides) else parts_of(overrides)
+        described = entry.get("keys"), entry.get("window"), division, overrides, parts
         digest = sha256(repr(described).encode()).hexdigest()[:8]
         file = target / "cells" / f"{data}-{protocol}-{system}-{digest}.json"
         if file.is_file():
@@ -125,10 +127,22 @@ def run(settings: Node, cell: Cell, target: Path) -> Node:
     return result
 
 
+def is_peer(overrides: Sequence[str]) -> bool:
+    """Return whether a system is none of the package: the ridge, or a classifier of aeon."""
+    return not overrides or overrides[0].startswith(AEON)
+
+
+def parts_of(overrides: Sequence[str]) -> object:
+    """Return the settings that tell a system of the package from another."""
+    config = configured(*overrides)
+    model = config.model
+    return model.baseline or [*map(model.sense, model.senses), config.decision]
+
+
 def test(common: list[str], entry: Node, division: Node, overrides: Sequence[str]) -> Node:
     """Train and test on every division; the interval is that of all counts together."""
     rows, keys, balanced = read_rows(entry), entry.get("keys", ()), entry.get("balanced", False)
-    train, runs = run_package if overrides else run_log_bands, []
+    train, runs = run_peer if is_peer(overrides) else run_package, []
     with TemporaryDirectory() as folder:
         changed = perturb(rows, division.get("perturbed", {}), Path(folder))
         for mask in divide(rows, division):
@@ -209,25 +223,39 @@ def run_package(overrides: list[str], rows: Rows, is_test: list[bool]) -> tuple[
     return [(x.label, x.predicted, x.latency_ms) for x in outcomes], network["fit_seconds"]
 
 
-def run_log_bands(overrides: list[str], rows: Rows, is_test: list[bool]) -> tuple[Tested, float]:
-    """Do the same with a ridge classifier on log-band energies and levels of every axis."""
-    signals = read_signals(rows, overrides)
+def run_peer(overrides: list[str], rows: Rows, is_test: list[bool]) -> tuple[Tested, float]:
+    """Do the same with a classifier of aeon, or with the ridge on log-band energies."""
+    names = [item.removeprefix(AEON) for item in overrides if item.startswith(AEON)]
+    signals = read_signals(rows, [item for item in overrides if not item.startswith(AEON)])
     train = np.flatnonzero(np.logical_not(is_test))
     labels, groups = zip(*((rows[n].label, rows[n].group_key) for n in train), strict=True)
-    left_out = leave_out(labels, groups) or None
-    ridge = RidgeClassifierCV(np.logspace(-3, 4, 15), cv=left_out and PredefinedSplit(left_out))
+    longest = max(signals[n][0].shape[1] for n in train)
+    features, model = aeons(names[0], longest) if names else ridge_on_bands(labels, groups)
     begin = time.perf_counter()
-    model = make_pipeline(StandardScaler(), ridge)
-    model.fit([log_bands(*signals[n]) for n in train], labels)
+    model.fit(np.stack([features(*signals[n]) for n in train]), np.array(labels))
     seconds, tested = time.perf_counter() - begin, []
     for n in np.flatnonzero(is_test):
         begin = time.perf_counter()
-        predicted = str(model.predict([log_bands(*signals[n])])[0])
+        predicted = str(model.predict(features(*signals[n])[None])[0])
         tested.append((rows[n].label, predicted, 1000 * (time.perf_counter() - begin)))
     return tested, seconds
 
 
-def read_signals(rows: Rows, keys: Sequence[str]) -> list[tuple[np.ndarray[Any, Any], float]]:
+def ridge_on_bands(labels: Sequence[str], groups: Sequence[str]) -> tuple[Features, Any]:
+    """Return log-band energies and levels of every axis, and a ridge classifier for them."""
+    left_out = leave_out(labels, groups) or None
+    ridge = RidgeClassifierCV(np.logspace(-3, 4, 15), cv=left_out and PredefinedSplit(left_out))
+    return log_bands, make_pipeline(StandardScaler(), ridge)
+
+
+def aeons(name: str, length: int) -> tuple[Features, Any]:
+    """Return signals as they are, of one length, and a classifier as ``module.Class`` of aeon."""
+    module, _, cls = name.rpartition(".")
+    model = getattr(import_module(f"aeon.classification.{module}"), cls)(random_state=0)
+    return lambda trace, _: np.stack([np.resize(axis, length) for axis in trace]), model
+
+
+def read_signals(rows: Rows, keys: Sequence[str]) -> list[tuple[Array, float]]:
     """Return the samples (axes, samples) and rate in Hz of every recording, as ``keys`` decode."""
     decoder, signals = SignalDecoder(channels=configured(*keys).data.channels), []
     for row in rows:
@@ -236,7 +264,7 @@ def read_signals(rows: Rows, keys: Sequence[str]) -> list[tuple[np.ndarray[Any, 
     return signals
 
 
-def log_bands(trace: np.ndarray[Any, Any], rate: float) -> np.ndarray[Any, Any]:
+def log_bands(trace: Array, rate: float) -> Array:
     """Return means and deviations of log-band energies, and levels, of (axes, samples)."""
     size = min(trace.shape[1], max(32, round(WINDOW * rate)))
     frequencies, _, power = scipy.signal.spectrogram(trace, rate, nperseg=size, noverlap=size // 2)

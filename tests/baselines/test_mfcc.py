@@ -55,8 +55,32 @@ def test_decreasing_filters_are_the_mel_filters_mirrored():
 def test_what_has_no_coefficients_or_takes_too_much_memory_is_refused(changes):
     with pytest.raises(UserError, match="window_seconds up to 20 times hop_seconds"):
         make_cepstra(**changes)
-    with pytest.raises(UserError, match="half the sampling rate"):
-        make_cepstra().coefficients(np.zeros(1000), 2000)
+
+
+@pytest.mark.parametrize("spacing", ["mel", "decreasing"])
+def test_the_filters_end_at_half_of_a_low_rate_and_that_is_said_once(caplog, monkeypatch, spacing):
+    monkeypatch.setattr("tex_lightning.core.console.Screen.logged", set())
+    trace = np.random.default_rng(2).standard_normal(4400)
+    with caplog.at_level("INFO", "tex_lightning"):
+        found = [make_cepstra(spacing=spacing).coefficients(trace, 2200) for _ in range(2)]
+    expected = make_cepstra(spacing=spacing, highest_hz=1100.0).coefficients(trace, 2200)
+    np.testing.assert_array_equal(found, [expected] * 2)
+    assert caplog.messages == [
+        "The filters end at 1100 Hz, half the sampling rate, in place of "
+        "model.baseline.highest_hz=1400."
+    ]
+
+
+@pytest.mark.parametrize("rate", [20, 36, 100, 2799, 2800])
+@pytest.mark.parametrize("name", ["mfcc_gmm", "mfcc_nb"])
+def test_slow_sensors_are_classified(configured, rate, name):
+    rng = np.random.default_rng(0)
+    traces = [scale * rng.standard_normal(8 * rate) for scale in (1, 2, 1, 2)]
+    traces = [np.cumsum(trace) if place < 2 else trace for place, trace in enumerate(traces)]
+    baseline = configured(name)
+    baseline.sampling_rate = rate
+    baseline.fit(traces, np.array([0, 0, 1, 1]), seed=0)
+    assert torch.isfinite(baseline.logits(traces[0])).all()
 
 
 LABELS = np.repeat(np.arange(3), 4)

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 import soundfile
 import torch
+from aeon.transformations.collection.convolution_based import MiniRocket as MiniRocketOfAeon
 from conftest import make_trace
 
 import tex_lightning as tl
+from tex_lightning.baselines.classifier import Movement, as_baseline_takes_it
+from tex_lightning.errors import UserError
 
 LABELS = np.repeat(np.arange(3), 4)
 TRACES = [make_trace(kind, index, seconds=0.9) for kind in range(3) for index in range(4)]
@@ -40,9 +43,68 @@ def test_the_strength_is_chosen_on_groups_that_are_left_out(configured):
     torch.testing.assert_close(again.logits(traces[0]), baseline.logits(traces[0]))
 
 
+def turned(kind: int, seed: int) -> np.ndarray:
+    """A tone along one axis and noise along another, which one tells the class: (3, 600)."""
+    rng = np.random.default_rng(seed)
+    tone = np.sin(np.arange(600) * 0.4 + rng.uniform(0, 6)) + 0.1 * rng.standard_normal(600)
+    axes = [tone, rng.standard_normal(600), 0.1 * rng.standard_normal(600)]
+    return np.stack(axes[:: 1 if kind == 0 else -1]).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def of_three_axes(configured):
+    baseline = configured("minirocket", kernels=336)
+    baseline.fit([turned(n % 2, n) for n in range(16)], np.arange(16) % 2, seed=0)
+    return baseline
+
+
+def test_axes_are_convolved_one_by_one(configured, of_three_axes):
+    """Joined to one axis by DFT321, both classes have the same spectrum."""
+    traces = [turned(n % 2, n) for n in range(16)]
+    whole = np.stack([(x - x.mean(1, keepdims=True)) / x.std(1, keepdims=True) for x in traces])
+    aeons = MiniRocketOfAeon(n_kernels=336, random_state=0)
+    np.testing.assert_array_equal(
+        of_three_axes.estimator[0].transform(whole), aeons.fit_transform(whole)
+    )
+    new = [turned(n % 2, 100 + n) for n in range(20)]
+    assert [int(of_three_axes.logits(trace).argmax()) for trace in new] == [0, 1] * 10
+    again = configured("minirocket", kernels=336)
+    again.load_state(of_three_axes.state())
+    torch.testing.assert_close(again.logits(new[0]), of_three_axes.logits(new[0]))
+
+
+def test_a_sense_gives_several_axes_to_those_who_take_them():
+    trace = torch.from_numpy(turned(0, 0))
+    apart, joined = (Movement(False, 100, apart=apart)(trace) for apart in (True, False))
+    assert (apart.shape, joined.shape) == ((1, 3, 600), (1, 1, 600))
+    torch.testing.assert_close(apart[0], trace - trace.mean(dim=1, keepdim=True))
+    assert as_baseline_takes_it(apart).shape == (3, 600)
+    assert as_baseline_takes_it(joined).shape == (600,)
+
+
+def test_another_number_of_axes_is_refused(of_three_axes, fitted_once):
+    with pytest.raises(UserError, match="has 1 axes, and MiniRocket was trained on 3; give"):
+        of_three_axes.logits(TRACES[0])
+    with pytest.raises(UserError, match="has 3 axes, and MiniRocket was trained on 1; give"):
+        fitted_once[0].logits(turned(0, 0))
+
+
+def test_checkpoints_of_before_are_of_one_axis(fitted_once, configured):
+    state = fitted_once[0].state()
+    del state["axes"]
+    again = configured("minirocket", kernels=168)
+    again.load_state(state)
+    torch.testing.assert_close(again.logits(TRACES[0]), fitted_once[0].logits(TRACES[0]))
+
+
 @pytest.mark.parametrize(
     ("part", "change"),
     [
+        (0, lambda added: added[:-1]),
+        (0, lambda added: 0 * added),
+        (0, lambda added: 9 * added),
+        (1, lambda indices: indices + 1),
+        (1, lambda indices: indices - 1),
         (2, lambda dilations: -dilations),
         (2, lambda dilations: dilations * 10_000),
         (2, lambda dilations: dilations.astype(np.int64)),
@@ -60,7 +122,7 @@ def test_a_forged_transform_is_refused_before_compiled_code_sees_it(fitted_once,
     transform.parameters = tuple(forged)
     state = baseline.state()
     transform.parameters = kept
-    with pytest.raises(ValueError, match=r"another|longer"):
+    with pytest.raises(ValueError, match=r"another|longer|other axes"):
         again.load_state(state)
 
 

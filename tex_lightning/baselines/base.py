@@ -111,16 +111,19 @@ class Baseline(ABC):
 
     A baseline is one dataclass in one file; its fields are its settings, whose values stand in
     ``conf/model/NAME.yaml``. Traces come as one axis of movement (samples,) float32 at the
-    configured rate, photos as (height, width, 3) uint8 RGB.
+    configured rate, to which DFT321 joins several, unless :attr:`axes_apart`; photos as (height,
+    width, 3) uint8 RGB.
 
     Attributes:
         kind: Kind of recordings: ``haptic`` for any signals, ``visual`` for any photos.
+        axes_apart: Whether traces of several axes come as (axes, samples).
         min_side: Smallest side in pixels of a photo it can classify; of no meaning for traces.
         sampling_rate: Sampling rate of the traces in Hz; set by the classifier.
         budgeted: Smallest value of each setting that ``debug=tiny`` makes smaller.
     """
 
     kind: ClassVar[Literal["haptic", "visual"]]
+    axes_apart: ClassVar[bool] = False
     budgeted: ClassVar[Mapping[str, int]] = {}
     min_side = 0  # no settings of their own: it follows from the settings,
     sampling_rate = 10_000.0  # and this from data.sampling_rate

@@ -69,21 +69,22 @@ MIN_SECONDS = 0.05  # of movement: the paper's window
 
 
 class Movement(nn.Module):
-    """One axis of steady movement of a signal, which baselines take in place of a spectrogram.
+    """The steady movement of a signal, which baselines take in place of a spectrogram.
 
     Args:
         skip_impact: Leave out what comes before steady movement.
         sampling_rate: Sampling rate in Hz.
+        apart: Keep several axes as they are, and do not join them to one.
     """
 
     counts_samples = True
 
-    def __init__(self, skip_impact: bool, sampling_rate: float) -> None:
+    def __init__(self, skip_impact: bool, sampling_rate: float, *, apart: bool) -> None:
         super().__init__()
-        self.skip_impact, self.sampling_rate = skip_impact, sampling_rate
+        self.skip_impact, self.sampling_rate, self.apart = skip_impact, sampling_rate, apart
 
     def forward(self, trace: Tensor) -> Tensor:
-        """Map (axes, samples) to (1, 1, samples), float32, without its mean.
+        """Map (axes, samples) to (1, 1, samples), or all axes, float32, without their mean.
 
         The last samples of several axes, fewer than 4 %, are left out where DFT321 of the rest is
         quick: a Fourier transform over a large prime takes many times as long.
@@ -99,7 +100,7 @@ class Movement(nn.Module):
                 f"The signal has {axes.shape[1] / self.sampling_rate:.2f} s of movement, too "
                 "little to classify; record a longer stroke."
             )
-        if len(axes) > 1:
+        if len(axes) > 1 and not self.apart:
             return dft321(axes[:, : quick_length(axes.shape[1])])[None, None]
         return (axes - axes.mean(dim=1, keepdim=True))[None]
 
@@ -136,7 +137,7 @@ class FittedBaseline(nn.Module):
             self.baseline.load_state(state)
 
     def features(self, x: Tensor, level: Level) -> Tensor:
-        """Return scores (1, classes, fragments) of (1, 1, samples) or (1, 3, height, width)."""
+        """Return scores (1, classes, fragments) of an input of one recording."""
         return self.scores(as_baseline_takes_it(x))[None]
 
     def scores(self, recording: "Array") -> Tensor:
@@ -153,9 +154,13 @@ class FittedBaseline(nn.Module):
 
 
 def as_baseline_takes_it(x: Tensor) -> "Array":
-    """Return (samples,) of (1, 1, samples), and (height, width, 3) of (1, 3, height, width)."""
-    array: Array = (x[0, 0] if x.dim() == 3 else x[0].permute(1, 2, 0)).numpy()
-    return array
+    """Return (samples,) or (axes, samples) of a signal, and (height, width, 3) of a photo.
+
+    Args:
+        x: Input (1, axes, samples) or (1, 3, height, width).
+    """
+    array: Array = (x[0] if x.dim() == 3 else x[0].permute(1, 2, 0)).numpy()
+    return array[0] if x.dim() == 3 and len(array) == 1 else array
 
 
 def _baseline_sense(card: Card, baseline: "Baseline") -> Sense:
@@ -173,7 +178,8 @@ def _baseline_sense(card: Card, baseline: "Baseline") -> Sense:
     if medium == PhotoSense.medium:
         return PhotoSense(sense, values["modality"], decoder, Pixels(), network)
     baseline.sampling_rate = decoder.sampling_rate
-    moving = Movement(values.get("skip_impact", False), decoder.sampling_rate)
+    rate, skips = decoder.sampling_rate, values.get("skip_impact", False)
+    moving = Movement(skips, rate, apart=baseline.axes_apart)
     return SignalSense(sense, values["modality"], decoder, moving, network)
 
 

@@ -8,6 +8,7 @@
   it is a bank whose filters narrow upwards.
 """
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -22,7 +23,10 @@ from sklearn.naive_bayes import GaussianNB
 from torch import Tensor
 
 from tex_lightning.baselines.base import Array, EstimatorBaseline
+from tex_lightning.core.console import log_once
 from tex_lightning.errors import UserError
+
+log = logging.getLogger(__name__)
 
 MAX_SECONDS, MAX_OVERLAP, MAX_FILTERS = 1, 20, 1000  # far beyond any use, little memory
 ZERO_PADDING = 4  # so that the narrowest filters meet several bins
@@ -38,7 +42,8 @@ class Cepstra:
     Attributes:
         window_seconds: Length of a frame.
         hop_seconds: From the start of a frame to that of the next.
-        highest_hz: Upper end of the last filter; the first begins at 0 Hz.
+        highest_hz: Upper end of the last filter, at most half the sampling rate, which it is then;
+            the first begins at 0 Hz.
         filters: Number of filters.
         spacing: Spacing of the filters, mel or decreasing; see :func:`filter_edges`.
         first: First coefficient kept, counted from 1, which is the level.
@@ -73,14 +78,13 @@ class Cepstra:
         """Return coefficients (frames, last - first + 1) float64 of a trace (samples,).
 
         A trace shorter than a frame is padded with zeros to one.
-
-        Raises:
-            UserError: If the filters reach beyond half the sampling rate.
         """
-        if self.highest_hz > sampling_rate / 2:
-            raise UserError(
-                f"model.baseline.highest_hz={self.highest_hz:g} exceeds half the sampling rate, "
-                f"{sampling_rate / 2:g} Hz; lower it."
+        highest_hz = min(self.highest_hz, sampling_rate / 2)
+        if highest_hz < self.highest_hz:
+            log_once(
+                log,
+                f"The filters end at {highest_hz:g} Hz, half the sampling rate, in place of "
+                f"model.baseline.highest_hz={self.highest_hz:g}.",
             )
         length = max(1, round(self.window_seconds * sampling_rate))
         hop = max(1, round(self.hop_seconds * sampling_rate))
@@ -89,7 +93,7 @@ class Cepstra:
         size = ZERO_PADDING * length
         spectrum = np.fft.rfft(frames * get_window("hamming", length), size)
         # triangles, each from the peak of the filter below it to that of the filter above
-        edges = filter_edges(self.filters, self.highest_hz, self.spacing)
+        edges = filter_edges(self.filters, highest_hz, self.spacing)
         frequencies = np.fft.rfftfreq(size, 1 / sampling_rate)
         rise = (frequencies - edges[:-2, None]) / np.diff(edges)[:-1, None]
         fall = (edges[2:, None] - frequencies) / np.diff(edges)[1:, None]

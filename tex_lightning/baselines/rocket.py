@@ -21,6 +21,7 @@ from tex_lightning.baselines.base import Array, EstimatorBaseline, State
 from tex_lightning.core.devices import computing_threads
 from tex_lightning.core.groups import leave_out
 from tex_lightning.data.traces import MAX_SAMPLES
+from tex_lightning.errors import UserError
 
 KERNEL = 9  # its samples, before dilation
 MIN_KERNELS = 84  # MiniRocket's fixed kernels, each used at least once
@@ -29,15 +30,17 @@ ALPHAS = np.logspace(-3, 3, 10)  # of the ridge classifier, as aeon tries them
 
 @dataclass
 class MiniRocket(EstimatorBaseline):
-    """A pipeline on traces (cases, 1, samples) of mean 0, as long as the longest of the training.
+    """A pipeline on traces (cases, axes, samples) of mean 0, as long as the longest in training.
 
-    Features are shares of positive values. Shorter traces are repeated from their start, so that
-    all of their movement counts; longer ones are cut.
+    Features are shares of positive values; of several axes a convolution adds up some, as aeon's
+    multivariate transform draws them. Shorter traces are repeated from their start, so that all of
+    their movement counts; longer ones are cut.
 
     Attributes:
         kernels: Number of features.
         threads: For fitting. aeon's loops run over traces, so one trace never uses more than one.
-        keep_level: Whether its level counts; else each trace's deviation is made 1, as published.
+        keep_level: Whether its level counts; else the deviation of each axis is made 1, as
+            published.
     """
 
     kernels: int
@@ -45,6 +48,7 @@ class MiniRocket(EstimatorBaseline):
     keep_level: bool
 
     kind: ClassVar = "haptic"
+    axes_apart: ClassVar = True
     budgeted: ClassVar = {"kernels": MIN_KERNELS}
 
     def make_estimator(self, seed: int) -> Any:  # noqa: ANN401
@@ -63,13 +67,18 @@ class MiniRocket(EstimatorBaseline):
         """Draw the kernels' biases from the traces and fit the ridge classifier.
 
         Its strength is chosen by leaving out traces, as aeon has it, or whole groups of several.
+
+        Raises:
+            UserError: If traces have different numbers of axes.
         """
-        traces = list(recordings)
+        traces = list(map(np.atleast_2d, recordings))
+        self.axes = len(traces[0])
         shared = 0 < len({*groups}) < len(groups)
         parts = leave_out(labels.tolist(), groups) if shared else []
         self.divisions = PredefinedSplit(parts) if parts else None
-        self.length = max(map(len, traces))
-        self.scale = float(np.mean([np.var(trace) for trace in traces]) ** 0.5) or 1.0
+        self.length = max(trace.shape[1] for trace in traces)
+        variances = [trace.var(axis=1).mean() for trace in traces]
+        self.scale = float(np.mean(variances) ** 0.5) or 1.0
         with computing_threads():  # aeon sets them, and Numba by their common OpenMP
             super().fit(traces, labels, seed)
         self.estimator[-1].cv = None  # which a checkpoint need not hold
@@ -80,16 +89,30 @@ class MiniRocket(EstimatorBaseline):
             return super().logits(recording)
 
     def features(self, recording: Array) -> Array:
-        """Return the trace (1, length) of mean 0, and of deviation 1 of itself or the training."""
-        piece = np.resize(recording, self.length).astype(np.float32)
-        deviation = self.scale if self.keep_level else piece.std()
-        centred: Array = piece - piece.mean()
-        return (centred / np.float32(deviation) if deviation > 0 else centred)[None]
+        """Return the trace (axes, length) of mean 0, and of deviation 1 of itself or the training.
+
+        Raises:
+            UserError: If it has another number of axes than those of the training.
+        """
+        trace = np.atleast_2d(recording)
+        if len(trace) != self.axes:
+            raise UserError(
+                f"The signal has {len(trace)} axes, and MiniRocket was trained on {self.axes}; "
+                "give a recording of the same sensor, or choose axes by data.channels."
+            )
+        piece = np.stack([np.resize(axis, self.length) for axis in trace]).astype(np.float32)
+        deviation = piece.std(axis=1, keepdims=True)
+        if self.keep_level:
+            deviation = np.full_like(deviation, self.scale)
+        centred = piece - piece.mean(axis=1, keepdims=True)
+        scaled: Array = centred / np.where(deviation > 0, deviation, 1)
+        return scaled
 
     def state(self) -> State:
-        """Return the pipeline as bytes, and the length and level it was fitted to."""
+        """Return the pipeline as bytes, and the axes, length and level it was fitted to."""
+        sizes = {"axes": torch.tensor(self.axes), "length": torch.tensor(self.length)}
         scale = torch.tensor(self.scale, dtype=torch.float64)
-        return {**super().state(), "length": torch.tensor(self.length), "scale": scale}
+        return {**super().state(), **sizes, "scale": scale}
 
     def load_state(self, state: State) -> None:
         """Read the pipeline back.
@@ -98,19 +121,24 @@ class MiniRocket(EstimatorBaseline):
             ValueError: If aeon's compiled code, which checks no bounds, would leave its arrays.
         """
         super().load_state(state)
+        self.axes = int(state["axes"]) if "axes" in state else 1
         self.length, self.scale = int(state["length"]), float(state["scale"])
-        _check_transform(self.estimator[0], self.length)
+        _check_transform(self.estimator[0], self.axes, self.length)
 
 
-def _check_transform(transform: Any, length: int) -> None:  # noqa: ANN401
-    """Reject a transform that no fit to traces of one axis and this length gives."""
+def _check_transform(transform: Any, axes: int, length: int) -> None:  # noqa: ANN401
+    """Reject a transform that no fit to traces of so many axes and samples gives."""
     kinds = (np.int32, np.int32, np.int32, np.int32, np.float32)
     if type(transform) is not Transform or len(transform.parameters) != len(kinds):
         raise ValueError("no MiniRocket")
     for values, kind in zip(transform.parameters, kinds, strict=True):
         if not isinstance(values, np.ndarray) or (values.ndim, values.dtype) != (1, kind):
             raise ValueError("arrays of another kind")
-    *_, dilations, counts, biases = transform.parameters
+    added, indices, dilations, counts, biases = transform.parameters
+    if len(added) != MIN_KERNELS * len(dilations) or added.min() < 1:
+        raise ValueError("another number of combinations of axes")
+    if len(indices) != added.sum(dtype=np.int64) or not 0 <= indices.min() <= indices.max() < axes:
+        raise ValueError("other axes")
     if not 0 < len(dilations) == len(counts) or counts.min() < 0:
         raise ValueError("another number of dilations")
     if len(biases) != MIN_KERNELS * counts.sum(dtype=np.int64):
