@@ -1,10 +1,11 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from sklearn.metrics import roc_auc_score
+from sklearn.metrics import brier_score_loss, log_loss, roc_auc_score
 
 from tex_lightning.evaluation.calibration import auroc, calibration
 from tex_lightning.evaluation.outcomes import Outcome
@@ -34,6 +35,25 @@ def test_the_calibration_error_is_that_of_its_definition(outcomes):
         for n in np.unique(bins)
     ]
     assert calibration(outcomes)["ece"] == pytest.approx(sum(gaps), abs=1e-5)
+
+
+def test_brier_score_and_likelihood_are_scikit_learns(outcomes):
+    labels = [o.label for o in outcomes]
+    rows = np.array([[o.class_probabilities[name] for name in CLASSES] for o in outcomes])
+    found = calibration(outcomes)
+    assert found["nll"] == pytest.approx(log_loss(labels, rows, labels=CLASSES))
+    squares = brier_score_loss(labels, rows, labels=CLASSES, scale_by_half=False)
+    assert found["brier"] == pytest.approx(squares)
+
+
+def test_a_true_class_of_probability_0_is_as_bad_as_can_be_counted():
+    sure = outcome("a", np.array([0.0, 1.0, 0.0]))
+    found = calibration([sure, replace(sure, label="never trained")])
+    assert (found["brier"], found["ece"]) == (2.0, 1.0)
+    assert found["nll"] == pytest.approx(log_loss(["a"], [[0.0, 1.0, 0.0]], labels=CLASSES))
+    assert calibration([outcome("b", np.array([0.0, 1.0, 0.0]))]) == {
+        "ece": 0.0, "brier": 0.0, "nll": 0.0
+    }  # fmt: skip
 
 
 @given(st.lists(st.tuples(st.integers(0, 5), st.booleans()), min_size=1, max_size=40))

@@ -47,7 +47,7 @@ def test_wilson_intervals_of_the_papers_690_pairs(correct, low, high):
     assert wilson_interval(correct, 690) == pytest.approx([low, high], abs=6e-4)
 
 
-def test_fragments_are_pooled_over_samples():
+def test_fragments_are_pooled_over_samples_so_that_long_ones_weigh_more():
     summary = summarise([outcome("a", "a", 10, 9), outcome("b", "a", 30, 3)])
     assert summary["fragment_accuracy"] == 12 / 40
     assert summary["latency_ms"] == {"median": 1.5, "p95": 1.5}

@@ -81,7 +81,11 @@ class Outcome:
 
 
 def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """Return accuracies, Wilson interval, counts and latency of a list of outcomes."""
+    """Return accuracies, Wilson interval, counts and latency of a list of outcomes.
+
+    ``fragment_accuracy`` is the share of all fragments, as in the paper: a long recording has more
+    of them and weighs more than a short one.
+    """
     correct = sum(outcome.label == outcome.predicted for outcome in outcomes)
     latencies = [outcome.latency_ms for outcome in outcomes]
     return {
