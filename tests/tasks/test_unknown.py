@@ -24,7 +24,9 @@ def recordings(tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    "how", [["task=predict"], ["task=stream", "stream.window=2"]], ids=["predict", "window"]
+    "how",
+    [["task=predict"], ["task=predict", "decision=sequential"], ["task=stream", "stream.window=2"]],
+    ids=["predict", "sequential", "window"],
 )
 def test_what_is_unlike_every_class_is_called_unknown(cli, bands, recordings, how):
     common = [*how, f"checkpoint={bands}", "decision.unknown=0.05"]

@@ -231,13 +231,14 @@ class SurfaceModule(LightningModule):
         It is Lightning's ``estimated_stepping_batches``, which would begin to iterate over the
         batches before a resumed run knows its epoch.
         """
-        epochs, batches = self.fit_config["epochs"], self.fit_config["steps_per_epoch"]
+        epochs: int = self.fit_config["epochs"]
+        batches: int = self.fit_config["steps_per_epoch"]
         if (trainer := self._trainer) is None:
             return max(1, epochs * batches)
         limit, endless = trainer.limit_train_batches, trainer.max_epochs == -1
         batches = min(batches, limit if isinstance(limit, int) else int(batches * limit))
         batches = math.ceil(batches / trainer.accumulate_grad_batches)
-        steps: int = batches * (epochs if endless or not trainer.max_epochs else trainer.max_epochs)
+        steps = batches * (epochs if endless or not trainer.max_epochs else trainer.max_epochs)
         if trainer.max_steps > 0:
             steps = trainer.max_steps if endless else min(steps, trainer.max_steps)
         return max(1, steps)
