@@ -80,6 +80,15 @@ def test_a_converted_file_gives_caffes_conv1_and_the_other_layers_as_they_are(tm
     np.testing.assert_array_equal(weight, arrays["conv2"][0])
 
 
+def test_the_first_layer_is_as_many_times_as_large_as_the_page_of_the_paper_says(tmp_path):
+    arrays, net = fabricate(ALEXNET), visualnet()
+    load_trunk_weights(net.trunk, save(tmp_path / "weights.npz", arrays))
+    loaded = net.trunk.layers.conv1[0].weight.detach()
+    larger = (loaded / torch.from_numpy(arrays["conv1"][0]).flip(1)).round()
+    page = (Path(__file__).parents[2] / "docs" / "paper.md").read_text("utf-8")
+    assert f"{larger.min():.0f} to {larger.max():.0f} times as large" in page
+
+
 def test_vgg_m_normalises_as_its_files_say():
     """MatConvNet's parameters [5 2 1e-4 0.75]: x_i / (2 + 1e-4 sum of 5 squares)^0.75."""
     x = 100 * np.random.default_rng(0).standard_normal((96, 3, 3))

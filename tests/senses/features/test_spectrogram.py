@@ -102,6 +102,23 @@ def test_magnitudes_of_the_whole_trace_equal_scipys():
     np.testing.assert_allclose(ours[:, 1 : frames + 1], theirs[:, :frames], rtol=1e-3, atol=2e-3)
 
 
+@pytest.mark.parametrize("axes", [2, 3, 6])
+@pytest.mark.parametrize("samples", [5003, 5040])  # of a prime number all samples count, too
+def test_any_number_of_axes_is_joined_over_the_whole_trace(axes, samples):
+    """With three, a prime number of samples was cut to a handy one; two or more went by frame."""
+    trace = noise(samples / 10_000, axes) + torch.arange(axes)[:, None]
+    spectra = np.fft.rfft(trace.double().numpy())
+    spectra[:, 0] = 0
+    size = np.sqrt((np.abs(spectra) ** 2).sum(axis=0))
+    joined = np.fft.irfft(size * np.exp(1j * np.angle(spectra.sum(axis=0))), samples)
+    frames = np.lib.stride_tricks.sliding_window_view(joined, 500)[::100]
+    theirs = np.abs(np.fft.rfft(frames * np.hamming(500)))[:, :50].T
+    features = SpectrogramFeatures(skip_impact=False, axes="trace")
+    ours = features.magnitudes(trace).numpy()
+    assert features.count_frames(trace) == ours.shape[1] == theirs.shape[1]
+    np.testing.assert_allclose(ours, theirs, atol=1e-4 * theirs.max())
+
+
 def test_paper_normalisation_spans_zero_to_one_per_channel():
     spectrogram = SpectrogramFeatures(normalisation="paper")(noise(1.0, axes=3))[0, 0]
     assert spectrogram.amin(dim=1).eq(0).all()

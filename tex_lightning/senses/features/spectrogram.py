@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
-from tex_lightning.senses.features.dft321 import dft321, quick_length
+from tex_lightning.senses.features.dft321 import dft321
 
 MAX_WINDOW = 1 << 16  # samples: 6 s at 10 kHz, a third of a second at 200 kHz
 MAX_OVERLAP = 100  # hops in a window
@@ -110,12 +110,12 @@ class SpectrogramFeatures(nn.Module):
     and the spectral envelope of a trace count; a channel that never varies becomes zero.
     ``paper`` brings every channel of every trace to [0, 1]; a constant channel becomes zero.
 
-    ``trace`` removes the mean of the whole movement and joins its axes by DFT321 before the frames
-    are cut, as the paper does. ``frame`` removes each frame's own mean and joins the axes of each
-    frame as the root of their summed squared magnitudes: the magnitudes that DFT321 (Landin et
-    al., 2010) gives when it is applied to the windowed frame. The two differ by what the phases of
-    the whole trace move from frame to frame. A frame's features then depend on its samples alone,
-    so that they can be computed while a recording goes on.
+    ``trace`` removes the mean of the whole movement and joins its axes, however many, by DFT321
+    before the frames are cut, as the paper does with three. ``frame`` removes each frame's own mean
+    and joins the axes of each frame as the root of their summed squared magnitudes: the magnitudes
+    that DFT321 (Landin et al., 2010) gives when it is applied to the windowed frame. The two differ
+    by what the phases of the whole trace move from frame to frame. A frame's features then depend
+    on its samples alone, so that they can be computed while a recording goes on.
 
     Args:
         sampling_rate: Rate of the signals in Hz.
@@ -186,8 +186,6 @@ class SpectrogramFeatures(nn.Module):
         samples = trace.shape[-1]
         if self.skip_impact:
             samples -= movement_start(trace, self.sampling_rate)
-        if self.axes == "trace" and len(trace) == 3:
-            samples = quick_length(max(1, samples))
         return self.frames(samples)
 
     def frames(self, samples: int) -> int:
@@ -202,7 +200,7 @@ class SpectrogramFeatures(nn.Module):
         """Return spectrogram before normalisation.
 
         Args:
-            trace: (axes, samples), one or three axes.
+            trace: (axes, samples).
             start: First sample of the movement; None finds it, as ``skip_impact`` says.
 
         Returns:
@@ -220,8 +218,8 @@ class SpectrogramFeatures(nn.Module):
                 f"The signal has {samples / self.sampling_rate:.2f} s of movement, less than one "
                 f"window of {self.window_length} samples; record a longer stroke."
             )
-        if self.axes == "trace" and len(trace) == 3:
-            movement = dft321(movement[:, : quick_length(samples)])[None]
+        if self.axes == "trace" and len(trace) > 1:
+            movement = dft321(movement)[None]
         else:  # with axes=frame every frame loses its mean anyway: this keeps digits from gravity
             movement = movement - movement.mean(dim=-1, keepdim=True)
         if self.fast_spectrogram:
