@@ -181,6 +181,15 @@ def group_halves(items: Items, value: None, rng: np.random.Generator) -> Items:
     return [replace(item, group=next(turns[item.label, item.modality])) for item in items]
 
 
+def group_uneven(items: Items, value: None, rng: np.random.Generator) -> Items:
+    """Put one recording of each class into a second session, all others into the first."""
+    last = {(item.label, item.modality): item.key for item in items}
+    return [
+        replace(x, group="tuesday" if last[x.label, x.modality] == x.key else "monday")
+        for x in items
+    ]
+
+
 def group_each(items: Items, value: None, rng: np.random.Generator) -> Items:
     """Give every recording a group of its own."""
     return [replace(item, group=f"take {item.key}") for item in items]

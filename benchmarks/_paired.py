@@ -70,7 +70,7 @@ def lost_significantly(line: Node) -> bool:
 def shown(line: Node) -> str:
     """Return a line in words: counts, difference in per cent and its interval."""
     if not line["tested"]:
-        return to_markdown(str(line["said"]).replace("\n", " "))
+        return to_markdown(" ".join(str(line["said"]).splitlines()[:2]))  # of many files the first
     counts = f"{line['correct']}/{line['tested']}"
     if line["shape"] == UNCHANGED or not line["paired"]:
         return counts

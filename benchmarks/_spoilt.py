@@ -146,6 +146,11 @@ def swaying_force(trace: Array, depth: float, scene: Scene) -> Array:
     return mean + (trace - mean) * wave
 
 
+def repeated(trace: Array, times: int, scene: Scene) -> Array:
+    """Go over the surface so many times in one recording, to and fro."""
+    return np.concatenate([trace[:, :: (-1) ** n] for n in range(times)], axis=1)
+
+
 def backwards(trace: Array, value: None, scene: Scene) -> Array:
     """Reverse time."""
     return trace[:, ::-1].copy()
