@@ -61,9 +61,15 @@ def test_the_home_folder_needs_no_quotes(monkeypatch):
 
 def test_every_key_of_text_is_known_as_one():
     text = ("record.out", "export.out", "data.hold_out", "frontier.only", "trusted", "experiment")
-    text += ("sense@model.grip", "hydra/launcher", "hydra.searchpath", "hydra.sweep.subdir")
-    numbers = ("seed", "data.folds", "model.haptic.width", "trainer.devices", "hydra.verbose")
-    numbers += ("model.haptic.fit.optimizer", "trainer.limit_train_batches", "data.reader.rate")
+    text += (
+        "sense@model.grip",
+        "hydra/launcher",
+        "data.reader.session",
+        "hydra.searchpath",
+        "hydra.sweep.subdir",
+    )
+    numbers = ("seed", "top_k", "model.haptic.width", "trainer.devices", "hydra.verbose")
+    numbers += ("model.haptic.fit.optimizer", "trainer.limit_train_batches", "data.folds")
     assert {key: holds_text(key) for key in (*text, *numbers)} == {
         **dict.fromkeys(text, True), **dict.fromkeys(numbers, False)
     }  # fmt: skip

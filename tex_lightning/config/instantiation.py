@@ -11,15 +11,13 @@ from dataclasses import is_dataclass
 from types import NoneType
 from typing import Any
 
-from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
-
 from tex_lightning.config.keys import nearest
 from tex_lightning.config.search import ENTRY_POINTS, installed_packages
+from tex_lightning.config.signatures import TARGET as TARGET
+from tex_lightning.config.signatures import converted, misfits
 from tex_lightning.core.contract import making, resolve
 from tex_lightning.errors import UserError, listed, shorten
 
-TARGET = "_target_"
 HYDRAS = (TARGET, "_args_", "_partial_", "_recursive_", "_convert_")  # keys that are no arguments
 OWN = "tex_lightning."
 
@@ -116,39 +114,30 @@ def call(where: str, factory: Any, *arguments: object) -> Any:  # noqa: ANN401
 def _checked(
     where: str, called: Callable[..., Any], values: Mapping[str, Any]
 ) -> Mapping[str, Any]:
-    """Return values as the types of a dataclass have them, if all are arguments of what is called.
+    """Return values that are arguments of what is called, as it takes them.
+
+    Those of a dataclass become what its fields are, where that changes nothing: a number in quotes
+    is a number, and a number is text.
 
     Raises:
-        UserError: If one is not, or of another type.
+        UserError: If one is no argument, or of another type.
     """
     try:
         parameters = inspect.signature(called).parameters
-        schema = OmegaConf.structured(called) if is_dataclass(called) else None
-    except (ValueError, OmegaConfBaseException):  # of a class in C, of types without a name there
+    except ValueError:  # of a class in C
         return values
     takes_any = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values())
-    typed = dict(values)
-    for name, value in values.items():
-        key = f"{where}.{shorten(name)}"
-        if name not in parameters and not takes_any:
+    for name in values if not takes_any else ():
+        if name not in parameters:
             known = listed([*parameters]) or "none"
             near = nearest(str(name), parameters, f"{where}.")
-            raise UserError(f"There is no key {key}{near}; its class has {known}.")
-        if schema is not None and name in schema and not _has_nodes(value):
-            try:
-                schema[name] = value
-            except OmegaConfBaseException as error:
-                said = str(error).splitlines()[0].rstrip(".")
-                raise UserError(f"{key} cannot be used: {said}; give another value.") from error
-            typed[name] = OmegaConf.to_container(schema)[name]  # type: ignore[call-overload, index]
+            raise UserError(
+                f"There is no key {where}.{shorten(name)}{near}; its class has {known}."
+            )
+    typed = converted(called, values) if is_dataclass(called) else values
+    if complaints := [*misfits(where, called, typed)]:
+        raise UserError("; ".join(complaints) + ".")
     return typed
-
-
-def _has_nodes(value: object) -> bool:
-    """Return whether a value holds more nodes to be built."""
-    if isinstance(value, Mapping):
-        return TARGET in value or any(map(_has_nodes, value.values()))
-    return isinstance(value, list | tuple) and any(map(_has_nodes, value))
 
 
 # A new class of conf/sense, conf/model or conf/trunk is added here.

@@ -116,8 +116,8 @@ def holds_text(name: str) -> bool:
     Names of options of a group are text, and so is a key that there is not: files of a modality of
     the user's own are given by its name.
     """
-    if name.endswith(CHECKPOINT) or {*name} & {"/", "@"}:
-        return True
+    if name.endswith(CHECKPOINT) or name.startswith("data.reader.") or {*name} & {"/", "@"}:
+        return True  # the fields of a reader become what their types say
     first, *parts = name.split(".")
     section: Any = HydraConf if first == "hydra" else Config
     for part in parts if first == "hydra" else (first, *parts):

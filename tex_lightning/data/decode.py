@@ -5,11 +5,11 @@ as arrays are brought to the same form.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,7 @@ import scipy  # whose parts are loaded when they are used
 from PIL import Image, ImageOps, UnidentifiedImageError
 from torch import Tensor
 
+from tex_lightning.config.signatures import misfits
 from tex_lightning.core.console import suppress_libtiff, suppress_warnings
 from tex_lightning.core.files import require_file
 from tex_lightning.data.traces import (
@@ -36,6 +37,7 @@ LARGEST = 1e9  # no unit of acceleration comes near; squares still fit float32
 SAME_RATE = 0.005  # by which clocks of the same rate may differ; such samples stay as they are
 RATE_TOLERANCE = 0.01  # by which a rate that is stated may differ from that of a column of time
 MIN_RATE, MAX_RATE = 19.0, 210_000.0  # Hz: 20 Hz to 200 kHz, by clocks that are not exact
+RATES = f"[{MIN_RATE:g}, {MAX_RATE:g}]"
 Array = npt.NDArray[Any]
 Trace = npt.NDArray[np.float32]
 Photo = npt.NDArray[np.uint8]
@@ -52,8 +54,8 @@ class SignalDecoder:
             from 0; None keeps all.
     """
 
-    sampling_rate: float = 10_000.0
-    file_rate: float = 10_000.0
+    sampling_rate: Annotated[float, RATES] = 10_000.0
+    file_rate: Annotated[float, RATES] = 10_000.0
     channels: tuple[int, ...] | None = None
 
     suffixes: ClassVar[tuple[str, ...]] = TRACE_SUFFIXES
@@ -104,7 +106,7 @@ class PhotoDecoder:
     """
 
     half_scale: bool = True
-    resize: int | None = None
+    resize: Annotated[int, "[1, 8192]"] | None = None
 
     suffixes: ClassVar[tuple[str, ...]] = IMAGE_SUFFIXES
     unit: ClassVar[str] = "megapixels"
@@ -168,6 +170,23 @@ class PhotoDecoder:
 
 
 Decoder = SignalDecoder | PhotoDecoder  # its fields decide the content of the arrays
+DECODERS: dict[str, type[Decoder]] = {"signal": SignalDecoder, "photo": PhotoDecoder}
+
+
+def check_decoding(where: str, medium: str, settings: Mapping[str, Any]) -> None:
+    """Reject settings that the decoder of a medium does not take, before anything is decoded.
+
+    Args:
+        where: Key of the settings.
+        medium: ``signal`` or ``photo``.
+        settings: Fields of the decoder; what is null is left to it.
+
+    Raises:
+        UserError: Naming all of them.
+    """
+    given = {name: value for name, value in settings.items() if value is not None}
+    if complaints := [*misfits(where, DECODERS[medium], given)]:
+        raise UserError("; ".join(complaints) + ".")
 
 
 def _are_channels(channels: Sequence[Any]) -> bool:

@@ -12,8 +12,9 @@ from importlib.util import find_spec
 
 from tex_lightning.config import DataConfig, ModelConfig
 from tex_lightning.config.composition import Job
+from tex_lightning.config.instantiation import find_class
 from tex_lightning.config.tasks import TRAINING
-from tex_lightning.data.decode import MIN_RATE, SignalDecoder, read_trace
+from tex_lightning.data.decode import MIN_RATE, SignalDecoder, check_decoding, read_trace
 from tex_lightning.data.folds import count_folds
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recording
@@ -50,6 +51,12 @@ def with_defaults(task: str, data: DataConfig, model: ModelConfig, job: Job) -> 
         UserError: If the data set cannot be read.
     """
     reads_data = task in (*TRAINING, "frontier")
+    for name in model.senses if reads_data else ():
+        sense = model.sense(name)
+        medium = find_class(
+            f"model.{name}", sense.node
+        ).medium  # its other keys may be checked later
+        check_decoding(f"model.{name}.decode", medium, sense.decode)
     if reads_data and data.name != SYNTHETIC:  # which would be rendered before anything is checked
         job = _with_real_folds(data, model, job)
     if data.sampling_rate is None and (reads_data or task == "profile"):  # others have a card

@@ -20,9 +20,12 @@ from tex_lightning.core.progress import track
 from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.recordings import Recording, Recordings, class_indices, plural
 from tex_lightning.data.store import Store, load_recording, load_sample
+from tex_lightning.errors import UserError
 from tex_lightning.evaluation.calibration import calibrated_card, sample_loss
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.learning.start import FrozenTrunk, fits_probabilities, scores_textures
+
+LARGEST = 1e18  # whose square is a float32
 
 
 def keep_statistics(
@@ -45,6 +48,9 @@ def keep_statistics(
 
     Returns:
         By sense :func:`left_out_novelties` of its recordings.
+
+    Raises:
+        UserError: If features are NaN, or their squares overflow, of weights that are finite.
     """
     novelties: dict[str, list[float]] = {}
     classes = classifier.card.classes
@@ -57,6 +63,11 @@ def keep_statistics(
         else:
             positions = position_features(fast, name, recordings, store)
             features = torch.stack([embedding.mean(dim=1) for embedding in positions])
+        if not bool((features.abs() < LARGEST).all()):  # false for NaN
+            raise UserError(
+                f"Training of the {name} network diverged, its features are NaN or too large to "
+                f"square; lower model.{name}.fit.learning_rate or weight_decay of its optimizer."
+            )
         statistics = FeatureStatistics.of(features, labels, len(classes))
         classifier.statistics[name] = statistics.to(classifier.device)
         groups = [row.group_key for row in recordings]

@@ -14,7 +14,7 @@ from tex_lightning.config.instantiation import TARGET, make, make_value, trusted
 from tex_lightning.core.contract import breach, calling, describe
 from tex_lightning.core.devices import full_precision
 from tex_lightning.data.banks import Bank
-from tex_lightning.data.decode import Array, Decoder
+from tex_lightning.data.decode import Array, Decoder, check_decoding
 from tex_lightning.data.quality import Quality, Ranges
 from tex_lightning.data.recordings import Recording, name_one
 from tex_lightning.data.store import Store
@@ -376,4 +376,5 @@ def make_sense(name: str, node: Mapping[str, Any], classes: int) -> Sense:
             f"{where}.network names {node['network'][TARGET]}, which has no method "
             "features(x, level); add one that gives class scores at level fc3."
         )
+    check_decoding(f"{where}.decode", cls.medium, decode)
     return cls(name, modality, cls.make_decoder(decode), **parts)

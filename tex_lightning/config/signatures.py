@@ -1,0 +1,146 @@
+"""Whether values are what the annotated signature of a class takes, for nodes and cards alike.
+
+Checked are the types of plain values, inside lists and mappings too, and ranges: the signature
+``size: Annotated[int, "[1, 64]"]`` takes whole numbers from 1 to 64. An argument that is annotated
+by another class, or not at all, takes anything.
+"""
+
+import collections.abc
+import inspect
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from tex_lightning.config.keys import Key
+from tex_lightning.errors import shorten
+
+TARGET = "_target_"  # of a node, which becomes something else
+LISTS = (list, tuple, collections.abc.Sequence, collections.abc.Iterable)
+MAPPINGS = (dict, collections.abc.Mapping, collections.abc.MutableMapping)
+PLAIN = (
+    str,
+    int,
+    float,
+    list,
+    tuple,
+    Mapping,
+    NoneType,
+)  # other objects are their makers' business
+NAMES: dict[Any, str] = {
+    bool: "true or false", int: "a whole number", float: "a number", str: "text", NoneType: "null",
+    **dict.fromkeys(LISTS, "a list"), **dict.fromkeys(MAPPINGS, "names and values"),
+}  # fmt: skip
+
+
+def misfits(where: str, called: Callable[..., Any], values: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a complaint for each value that a class or function does not take.
+
+    Args:
+        where: Key of the values, for messages.
+        called: The class or function.
+        values: Arguments by name, of which those that it does not have are passed over.
+    """
+    annotated = _annotations(called)
+    for name, value in values.items():
+        hint, default = annotated.get(name, (Any, None))
+        given = value is not default and repr(value) != repr(default)
+        if given and (wanted := next(_wanted(value, hint), None)):
+            quoted = ", in quotes of two kinds" if wanted == "text" else ""
+            yield f"{where}.{name} is {shorten(repr(value))}: give {wanted}{quoted}"
+
+
+def converted(called: Callable[..., Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values with text for numbers, and numbers for text, where arguments are such.
+
+    Nothing is lost: where a name could be read as another number it is text before (:mod:`.names`).
+    """
+    annotated = _annotations(called)
+    return {
+        name: _converted(value, annotated.get(name, (Any,))[0]) for name, value in values.items()
+    }
+
+
+def _converted(value: Any, hint: Any) -> Any:  # noqa: ANN401
+    kinds = {hint, *get_args(hint)}
+    if isinstance(value, list):
+        lists = [kind for kind in kinds if (get_origin(kind) or kind) in LISTS and get_args(kind)]
+        return [_converted(item, get_args(lists[0])[0]) for item in value] if lists else value
+    if isinstance(value, str) and not kinds & {str, Any}:
+        if bool in kinds and value.lower() in ("true", "false"):
+            return value.lower() == "true"
+        for kind in {int, float} & kinds:
+            with suppress(ValueError):
+                return kind(value)
+    if isinstance(value, int | float) and not kinds & {bool, int, float} and str in kinds:
+        return str(value)
+    return value
+
+
+def _annotations(called: Callable[..., Any]) -> dict[str, tuple[Any, Any]]:
+    """Return annotation and default of each annotated argument."""
+    try:
+        parameters = inspect.signature(called).parameters
+        function = called.__init__ if isinstance(called, type) else called  # type: ignore[misc]
+        hints = get_type_hints(function, include_extras=True)
+    except Exception:  # of a class in C, of names that only a type checker knows
+        return {}
+    return {name: (hints[name], each.default) for name, each in parameters.items() if name in hints}
+
+
+def _wanted(value: Any, hint: Any) -> Iterator[str]:  # noqa: ANN401
+    """Yield what a value should have been, if it is something else."""
+    kind, inner = get_origin(hint) or hint, get_args(hint)
+    if not isinstance(value, PLAIN) or (isinstance(value, Mapping) and TARGET in value):
+        return
+    if kind is Annotated:
+        yield from _wanted(value, inner[0])
+        limits = [Key("", text) for text in inner[1:] if isinstance(text, str)]
+        if isinstance(value, int | float) and not all(key.allows(value) for key in limits):
+            yield f"a number in {limits[0].range}"
+    elif kind in (Union, UnionType):
+        yield from _alternatives(value, inner)
+    elif kind is Literal and value not in inner:
+        yield f"one of {', '.join(map(str, inner))}"
+    elif kind in NAMES and not _fits(value, kind):
+        yield NAMES[kind]
+    elif kind in LISTS and not isinstance(value, str):
+        items = inner if kind is tuple and Ellipsis not in inner else inner[:1] * len(value)
+        if inner and len(items) != len(value):
+            yield f"a list of {len(items)}"
+        for item, each in zip(value, items, strict=False):
+            yield from (f"a list, each {wanted}" for wanted in _wanted(item, each))
+    elif kind in MAPPINGS:
+        for item in value.values() if len(inner) == 2 else ():
+            yield from (f"names and values, each {wanted}" for wanted in _wanted(item, inner[1]))
+
+
+def _alternatives(value: Any, hints: tuple[Any, ...]) -> Iterator[str]:  # noqa: ANN401
+    """Yield what a value should have been, if it fits none of several annotations.
+
+    Beside plain values another class takes its objects alone, and a path text.
+    """
+    plain = [hint for hint in hints if (get_origin(hint) or hint) in {*NAMES, Annotated, Literal}]
+    others = [hint for hint in hints if hint not in plain]
+    if others and not [hint for hint in plain if hint is not NoneType]:
+        return
+    text = isinstance(value, str) and any(
+        isinstance(each, type) and issubclass(each, os.PathLike) for each in others
+    )
+    if text or any(isinstance(value, each) for each in others if isinstance(each, type)):
+        return
+    missed = [[*_wanted(value, hint)] for hint in plain]
+    if all(missed):
+        yield " or ".join(dict.fromkeys(wanted[0] for wanted in missed))
+
+
+def _fits(value: Any, kind: Any) -> bool:  # noqa: ANN401
+    if kind in (int, float):
+        number = isinstance(value, int if kind is int else int | float)
+        return number and not isinstance(value, bool) and value == value  # NaN is none
+    if kind in LISTS:
+        return isinstance(value, list | tuple) or (
+            isinstance(value, str) and kind not in (list, tuple)
+        )
+    return isinstance(value, Mapping if kind in MAPPINGS else kind)
