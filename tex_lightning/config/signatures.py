@@ -19,15 +19,7 @@ from tex_lightning.errors import shorten
 TARGET = "_target_"  # of a node, which becomes something else
 LISTS = (list, tuple, collections.abc.Sequence, collections.abc.Iterable)
 MAPPINGS = (dict, collections.abc.Mapping, collections.abc.MutableMapping)
-PLAIN = (
-    str,
-    int,
-    float,
-    list,
-    tuple,
-    Mapping,
-    NoneType,
-)  # other objects are their makers' business
+PLAIN = (str, int, float, list, tuple, Mapping, NoneType)
 NAMES: dict[Any, str] = {
     bool: "true or false", int: "a whole number", float: "a number", str: "text", NoneType: "null",
     **dict.fromkeys(LISTS, "a list"), **dict.fromkeys(MAPPINGS, "names and values"),
@@ -92,7 +84,8 @@ def _annotations(called: Callable[..., Any]) -> dict[str, tuple[Any, Any]]:
 def _wanted(value: Any, hint: Any) -> Iterator[str]:  # noqa: ANN401
     """Yield what a value should have been, if it is something else."""
     kind, inner = get_origin(hint) or hint, get_args(hint)
-    if not isinstance(value, PLAIN) or (isinstance(value, Mapping) and TARGET in value):
+    plain: bool = isinstance(value, PLAIN)  # else it was made already
+    if not plain or (isinstance(value, Mapping) and TARGET in value):
         return
     if kind is Annotated:
         yield from _wanted(value, inner[0])
