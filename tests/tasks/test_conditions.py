@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -65,6 +66,13 @@ def test_the_fast_strokes_are_tested_and_nothing_has_seen_them(fused, surfaces):
         files = [file for name in tested for file in surfaces.glob(f"*/{name}/*")]
         trained = [file for file in files if file.stem not in tested[file.parent.name]]
         assert seen == {fingerprint(file) for file in trained}
+
+
+def test_a_run_is_named_by_what_it_tests(fused, crossvalidated):
+    for run, tested in ((fused, "The part with speed 60"), (crossvalidated, "Fold 3")):
+        log = (run / "tex_lightning.log").read_text()
+        assert re.search(rf"{tested}, haptic network: \d+ of \d+ samples correct", log)
+        assert ("Fold" in log) == tested.startswith("Fold")
 
 
 def test_folds_pool_their_votes_by_condition(cli, manifest, tmp_path):

@@ -6,7 +6,7 @@ import os
 import platform
 import subprocess
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from importlib.metadata import version
 from pathlib import Path
@@ -23,8 +23,7 @@ from tex_lightning.classifier.vote import Vote
 from tex_lightning.core.devices import synchronise
 from tex_lightning.core.files import read_rows, write_rows, write_text
 from tex_lightning.core.progress import track
-from tex_lightning.data.folds import Sample, comparable
-from tex_lightning.data.recordings import natural_key
+from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store, load_sample
 from tex_lightning.errors import UserError
 from tex_lightning.text import to_json
@@ -191,58 +190,6 @@ def vote_counts(outcomes: Sequence[Outcome], classes: list[str]) -> Counts:
     for outcome in outcomes:
         matrix[index[outcome.label], index[outcome.predicted]] += 1
     return matrix
-
-
-KEY = "conditions"  # of a network's entry in results.json
-
-Votes = tuple[str, str, int, int]  # name, value, correct, test samples
-
-
-def by_condition(samples: Sequence[Sample], outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """Return part of a network's entry of ``results.json``; empty where nothing has conditions.
-
-    A sample of several senses has the conditions of all its recordings.
-
-    Args:
-        samples: Tested samples.
-        outcomes: Outcome of each sample.
-
-    Returns:
-        Under ``conditions``, by name and by value: ``correct``, ``test_samples``,
-        ``vote_accuracy`` and Wilson's ``vote_ci95``.
-    """
-    votes: list[Votes] = []
-    for sample, outcome in zip(samples, outcomes, strict=True):
-        rows = sample.recordings.values()
-        conditions = dict.fromkeys(
-            (name, comparable(value)) for row in rows for name, value in row.conditions
-        )
-        correct = int(outcome.label == outcome.predicted)
-        votes += [(name, value, correct, 1) for name, value in conditions]
-    return _entry(votes)
-
-
-def pool_conditions(entries: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    """Add up the counts of :func:`by_condition` over several folds."""
-    return _entry(
-        (name, value, counts["correct"], counts["test_samples"])
-        for entry in entries
-        for name, values in entry.get(KEY, {}).items()
-        for value, counts in values.items()
-    )
-
-
-def _entry(votes: Iterable[Votes]) -> dict[str, Any]:
-    totals: dict[str, dict[str, tuple[int, int]]] = {}
-    for name, value, correct, count in votes:
-        values = totals.setdefault(name, {})
-        before = values.get(value, (0, 0))
-        values[value] = before[0] + correct, before[1] + count
-    counts = {
-        name: {value: counted(*values[value]) for value in sorted(values, key=natural_key)}
-        for name, values in totals.items()
-    }
-    return {KEY: counts} if counts else {}
 
 
 def counted(correct: int, count: int) -> dict[str, Any]:

@@ -11,7 +11,8 @@ from typing import Any
 
 from tex_lightning.core.files import read_rows, write_text
 from tex_lightning.evaluation.comparison import mcnemar, pair
-from tex_lightning.evaluation.outcomes import Outcome, pool_conditions, read_outcomes, summarise
+from tex_lightning.evaluation.conditions import pool_conditions
+from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, summarise
 from tex_lightning.report.table import (
     POOLED,
     TINY,

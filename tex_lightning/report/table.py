@@ -12,7 +12,7 @@ from tex_lightning.core.console import DEBUG, Screen, console
 from tex_lightning.core.files import read_record
 from tex_lightning.core.run_folder import SETTINGS
 from tex_lightning.data.recordings import natural_key
-from tex_lightning.evaluation.outcomes import KEY
+from tex_lightning.evaluation.conditions import KEY
 
 PAPER = Path(__file__).with_name("paper.yaml")
 TINY = "debug=tiny shrank every budget of this run: its accuracy has no meaning."

@@ -3,7 +3,7 @@
 import logging
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from rich.text import Text
 
@@ -25,6 +25,7 @@ from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.store import Store, Unusable, cache_root, list_files
 from tex_lightning.errors import UserError, listed
+from tex_lightning.evaluation.conditions import Bins, condition_bins
 from tex_lightning.senses.base import Sense
 from tex_lightning.studies.leaks import refuse_leak
 from tex_lightning.text import printable_lines
@@ -43,6 +44,8 @@ class Dataset:
         unknown: Recordings of held-out classes, used only in their own test.
         store: Decoded files.
         skipped: Files that are left out since they cannot be used (``data.skip_bad``).
+        condition_bins: Bins of conditions with many values, see
+            :func:`~tex_lightning.evaluation.conditions.condition_bins`.
     """
 
     classes: list[str]
@@ -50,6 +53,7 @@ class Dataset:
     unknown: Recordings
     store: Store
     skipped: tuple[Unusable, ...] = ()
+    condition_bins: Bins = field(default_factory=dict)
 
     @classmethod
     def decode(
@@ -142,7 +146,8 @@ def open_dataset(data: DataConfig, senses: Sequence[Sense]) -> Dataset:
             f"{listed(recordings.classes) or 'no class'}, and telling classes apart takes two; "
             "choose another model or add recordings."
         )
-    return Dataset.decode(recordings, unknown, store, recordings.classes)
+    dataset = Dataset.decode(recordings, unknown, store, recordings.classes)
+    return replace(dataset, condition_bins=condition_bins(needed))
 
 
 def open_test_data(data: DataConfig, classifier: SurfaceClassifier, who: str) -> Dataset:
@@ -160,7 +165,8 @@ def open_test_data(data: DataConfig, classifier: SurfaceClassifier, who: str) ->
             they cannot be used.
     """
     card = classifier.card
-    rows, held = hold_out(read_recordings(data, card.modalities), data.hold_out)
+    table = read_recordings(data, card.modalities)
+    rows, held = hold_out(table, data.hold_out)
     if unknown := [label for label in rows.classes if label not in card.classes]:
         raise UserError(
             f"{who} does not know the class {listed(unknown)}; leave it out of the "
@@ -181,7 +187,8 @@ def open_test_data(data: DataConfig, classifier: SurfaceClassifier, who: str) ->
             f"{who} has nothing to be tested on in {tested_part(data)}; choose another "
             "data.test_fold or data.test_where, or data.test_fold=null for everything."
         )
-    return dataset
+    used = table.without(row for row in table if row.modality not in card.modalities)
+    return replace(dataset, condition_bins=condition_bins(used))
 
 
 def open_store(data: DataConfig, classifier: SurfaceClassifier) -> Store:

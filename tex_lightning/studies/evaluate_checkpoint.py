@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import fmean
+from types import MappingProxyType
 from typing import Any
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
@@ -11,10 +12,10 @@ from tex_lightning.core.devices import pick_device
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store, Unusable, load_sample, skipped_entry
 from tex_lightning.evaluation.calibration import calibration
+from tex_lightning.evaluation.conditions import Bins, by_condition
 from tex_lightning.evaluation.novelty import report_unknown
 from tex_lightning.evaluation.outcomes import (
     Outcome,
-    by_condition,
     environment,
     run_test,
     summarise,
@@ -57,6 +58,7 @@ def report_network(
     directory: Path,
     config: Config,
     unknown: Sequence[Sample] = (),
+    bins: Bins = MappingProxyType({}),
 ) -> tuple[dict[str, Any], list[Outcome]]:
     """Test a network as prediction runs it; write its predictions into the run folder.
 
@@ -68,6 +70,7 @@ def report_network(
         directory: The run folder.
         config: Settings of engine and decision.
         unknown: Samples of classes that were held out.
+        bins: Bins of conditions with many values.
 
     Returns:
         Its entry of ``results.json``, and what became of each sample.
@@ -81,7 +84,7 @@ def report_network(
     recordings = load_sample(samples[0], store)
     entry = {
         **pooled_metrics(outcomes),
-        **by_condition(samples, outcomes),
+        **by_condition(samples, outcomes, bins),
         "parameters": classifier.count_parameters(),
         # None for a baseline whose arithmetic is outside PyTorch and not counted
         "macs_per_sample": count_macs(lambda: classifier.logits(**recordings)) or None,

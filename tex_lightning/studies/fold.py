@@ -23,7 +23,7 @@ from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import read_record, write_bytes
 from tex_lightning.core.progress import track
 from tex_lightning.core.ranks import is_rank_zero
-from tex_lightning.data.folds import Split, make_samples, split
+from tex_lightning.data.folds import Split, make_samples, split, tested_part
 from tex_lightning.data.quality import training_ranges
 from tex_lightning.data.recordings import Recordings, class_indices
 from tex_lightning.data.store import Store, load_recording, load_sample
@@ -293,14 +293,15 @@ def _test_network(
     unknown = make_samples(split(dataset.unknown, config.data).test, modalities)
     checkpoint = checkpoint_of(directory, kind)
     result, outcomes = report_network(
-        classifier, checkpoint, samples, store, directory, config, unknown
+        classifier, checkpoint, samples, store, directory, config, unknown, dataset.condition_bins
     )
     if draw:
         draw_figures(outcomes, dataset.classes, kind, directory)
     log_test(loggers, kind, plain_values(config), result)
+    tested = tested_part(config.data)
     log.info(
-        "Fold %s, %s: %d of %d samples correct, trained in %.1f s.",
-        config.data.test_fold, classifier.card.title, result["correct"], result["test_samples"],
-        result["fit_seconds"],
+        "%s, %s: %d of %d samples correct, trained in %.1f s.",
+        tested[0].upper() + tested[1:], classifier.card.title, result["correct"],
+        result["test_samples"], result["fit_seconds"],
     )  # fmt: skip
     return result

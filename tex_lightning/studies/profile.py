@@ -3,7 +3,7 @@
 The paper compares its networks with such windows (section IV, "Time profiling").
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from math import prod
 from typing import Any
@@ -130,20 +130,24 @@ def render_recording(sense: Sense, profile: ProfileConfig, seed: int) -> Array:
 
 @torch.inference_mode()
 def profile_network(
-    classifier: SurfaceClassifier, recording: Tensor, engine: EngineConfig, profile: ProfileConfig
+    classifier: SurfaceClassifier,
+    recordings: Sequence[Tensor],
+    engine: EngineConfig,
+    profile: ProfileConfig,
 ) -> dict[str, Any]:
     """Measure one network; the keys are those of ``networks.NAME`` in ``results.json``.
 
     Args:
         classifier: Unimodal, in evaluation mode, as trained.
-        recording: Decoded, as its sense takes it.
+        recordings: Decoded, as its sense takes them; the first one is timed.
         engine: Settings of the acceleration.
         profile: Budgets.
     """
     sense, fast = only_sense(classifier), only_sense(accelerate(classifier, engine))
     network = sense.network
     twin = WindowNet(network).to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]  # no stub
-    x, fast_x = _input(sense, recording).contiguous(), _input(fast, recording)
+    inputs = [_input(sense, recording).contiguous() for recording in recordings]
+    x, fast_x = inputs[0], _input(fast, recordings[0])
     grid = cut_windows(x, sense.window_size, sense.stride)
     fast_grid = cut_windows(fast_x, fast.window_size, fast.stride)
     ways: dict[str, Callable[[], Any]] = {
@@ -161,7 +165,7 @@ def profile_network(
         "windows": windows,
         "macs": macs,
         "arithmetic_ratio": windows * one / macs,
-        "label_agreement": agreement(network, twin, grid),
+        **agreement(classifier, twin, inputs),
     }
 
 
@@ -172,17 +176,39 @@ def _input(sense: Sense, recording: Tensor) -> Tensor:
     return converted
 
 
-def agreement(network: nn.Module, twin: WindowNet, grid: Tensor) -> float:
-    """Return the share of windows that the twin labels as the network labels the window alone.
+def agreement(
+    classifier: SurfaceClassifier, twin: WindowNet, inputs: Sequence[Tensor]
+) -> dict[str, float]:
+    """Compare the labels of the dense pass with those of the windows, each classified alone.
+
+    Inside of a recording the layers of the dense pass see what lies beside a window, where those of
+    the window see their padding, so that a few labels differ.
 
     Args:
-        network: Network as trained.
-        twin: Twin of ``network``.
-        grid: Windows (rows, columns, C, height, width).
+        classifier: Unimodal, as trained.
+        twin: Its network for one window.
+        inputs: Network inputs (1, C, H, W).
+
+    Returns:
+        ``label_agreement``, the share of all windows with the label of their position in the dense
+        pass, and ``recording_agreement``, the share of inputs to which both votes give one label.
     """
-    twins = torch.cat([twin(batch) for batch in batches(grid, BATCH)]).argmax(1)
-    parts = [scores(network, batch).flatten(1) for batch in batches(grid, BATCH)]
-    return float((twins == torch.cat(parts).argmax(1)).cpu().double().mean())
+    sense, same, votes = only_sense(classifier), [], []
+    for x in inputs:
+        grid = cut_windows(x, sense.window_size, sense.stride)
+        rows, columns = grid.shape[:2]
+        alone = torch.cat([twin(batch).flatten(1) for batch in batches(grid, BATCH)]).T
+        dense = sense.dense_grid(x, "fc3")
+        same.append(dense[:, :rows, :columns].flatten(1).argmax(0) == alone.argmax(0))
+        whole, windows = (
+            classifier.decide(logits, classifier.card.temperature)
+            for logits in (dense.flatten(1), alone)
+        )
+        votes.append(whole.label == windows.label)
+    return {
+        "label_agreement": float(torch.cat(same).cpu().double().mean()),
+        "recording_agreement": sum(votes) / len(votes),
+    }
 
 
 def _all_windows(function: Callable[[Tensor], Tensor], grid: Tensor, size: int) -> None:

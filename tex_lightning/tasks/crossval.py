@@ -11,13 +11,9 @@ from tex_lightning.config import Config, plain_values
 from tex_lightning.config.composition import Job
 from tex_lightning.core.progress import track
 from tex_lightning.core.ranks import is_rank_zero
+from tex_lightning.evaluation.conditions import pool_conditions
 from tex_lightning.evaluation.novelty import pool_unknown
-from tex_lightning.evaluation.outcomes import (
-    pool_conditions,
-    read_outcomes,
-    write_outcomes,
-    write_results,
-)
+from tex_lightning.evaluation.outcomes import read_outcomes, write_outcomes, write_results
 from tex_lightning.learning.trainer import log_test, open_loggers
 from tex_lightning.report.table import print_results
 from tex_lightning.studies.dataset import Dataset

@@ -38,7 +38,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     store, samples = dataset.store, make_samples(dataset.recordings, card.modalities)
     unknown = make_samples(dataset.unknown, card.modalities)
     network, outcomes = report_network(
-        classifier, checkpoint, samples, store, directory, config, unknown
+        classifier, checkpoint, samples, store, directory, config, unknown, dataset.condition_bins
     )
     draw_figures(outcomes, card.classes, card.kind, directory)
     values = plain_values(config)

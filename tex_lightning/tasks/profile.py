@@ -19,6 +19,8 @@ from tex_lightning.evaluation.outcomes import RANDOM, environment, write_results
 from tex_lightning.report.table import make_table, print_tables
 from tex_lightning.studies.profile import only_sense, profile_network, render_recording
 
+RECORDINGS = 3  # whose labels are compared; the first is timed
+
 log = logging.getLogger(__name__)
 
 
@@ -33,8 +35,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         name = classifier.card.kind
         log.info("Profiling the %s network.", name)
         classifier.eval().to(device)
-        recording = _recording(config, classifier)
-        networks[name] = profile_network(classifier, recording, config.engine, config.profile)
+        recordings = _recordings(config, classifier)
+        networks[name] = profile_network(classifier, recordings, config.engine, config.profile)
     results: dict[str, Any] = {
         "task": config.task,
         "model": config.model.name,
@@ -65,14 +67,16 @@ def _classifiers(config: Config) -> list[SurfaceClassifier]:
     return [SurfaceClassifier(card.of([sense])) for sense in card.sense_names]
 
 
-def _recording(config: Config, classifier: SurfaceClassifier) -> Tensor:
-    """Render a recording; features of an untrained network learn statistics from it.
+def _recordings(config: Config, classifier: SurfaceClassifier) -> list[Tensor]:
+    """Render recordings; features of an untrained network learn statistics from the first.
 
     Raises:
-        UserError: If the recording is too small for a window.
+        UserError: If they are too small for a window.
     """
-    sense = only_sense(classifier)
-    recording = torch.from_numpy(render_recording(sense, config.profile, config.seed).copy())
+    sense, seeds = only_sense(classifier), range(config.seed, config.seed + RECORDINGS)
+    arrays = [render_recording(sense, config.profile, seed) for seed in seeds]
+    recordings = [torch.from_numpy(array.copy()) for array in arrays]
+    recording = recordings[0]
     size, window = sense.input_size(recording), sense.window_size
     if size[0] < window[0] or size[1] < window[1]:
         raise UserError(
@@ -83,4 +87,4 @@ def _recording(config: Config, classifier: SurfaceClassifier) -> Tensor:
     features: Any = sense.features
     if config.checkpoint is None and hasattr(features, "fit"):
         features.fit([features.magnitudes(recording.to(sense.device))])
-    return recording
+    return recordings
