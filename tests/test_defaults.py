@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,9 @@ from omegaconf import OmegaConf
 
 import tex_lightning as tl
 from tex_lightning.config.composition import Job, compose_config, read_config
+from tex_lightning.data import decode
+from tex_lightning.data.decode import SignalDecoder
+from tex_lightning.data.kept import forget_traces, keeping_traces
 from tex_lightning.data.own_defaults import with_defaults
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import Recordings, write_manifest
@@ -38,16 +42,41 @@ def overrides_of(*asked: str, folder) -> tuple[str, ...]:
     return with_defaults(config.task, config.data, config.model, job).overrides
 
 
-def test_traces_of_any_sensor_keep_their_rate_and_are_told_apart(cli, fingertip, tmp_path):
+@pytest.fixture
+def reads(monkeypatch) -> list[Path]:
+    """The files of traces that are read."""
+    files, read = [], decode.read_samples
+    monkeypatch.setattr(
+        decode, "read_samples", lambda path, *how: files.append(path) or read(path, *how)
+    )
+    return files
+
+
+def test_traces_of_any_sensor_keep_their_rate_and_are_told_apart(cli, fingertip, tmp_path, reads):
     given = ("experiment=few/haptic", "data=folder", f"data.root={fingertip}", "data.folds=6")
     outcome = cli(*given, f"hydra.run.dir={tmp_path}/run")
     assert outcome.status == 0, outcome.err
     assert "Traces keep their own rate, 2,200 Hz" in outcome.err
+    assert sorted(reads) == sorted(fingertip.glob("*/*.wav"))  # once to learn the rate and decode
+    reads.clear()
     network = json.loads((tmp_path / "run/results.json").read_text())["networks"]["haptic"]
     assert network["correct"] == network["test_samples"] == 3
     model = tl.load(tmp_path / "run")
     assert model.card.senses["haptic"]["decode"]["sampling_rate"] == 2200
     assert model.predict(haptic=fingertip / "b/0.wav").label == "b"
+    assert len(reads) == 1
+
+
+def test_a_file_that_changes_after_its_rate_was_read_is_read_again(tmp_path, reads):
+    path, decoder = tmp_path / "a.npy", SignalDecoder()
+    for length in (100, 200):
+        np.save(path, np.ones(length))
+        with keeping_traces():
+            assert decoder.decode(path)[0].shape == decoder.decode(path)[0].shape == (1, length)
+    np.save(path, np.ones(300))
+    assert [decoder.decode(path)[0].shape[1] for _ in range(2)] == [300, 300]
+    assert len(reads) == 4
+    forget_traces()
 
 
 def test_a_rate_that_is_given_counts_and_a_higher_one_is_the_papers(fingertip, tmp_path):

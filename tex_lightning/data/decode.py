@@ -20,6 +20,7 @@ from torch import Tensor
 from tex_lightning.config.signatures import misfits
 from tex_lightning.core.console import suppress_libtiff, suppress_warnings
 from tex_lightning.core.files import require_file
+from tex_lightning.data.kept import read_once
 from tex_lightning.data.traces import (
     MAX_AXES,
     MAX_SAMPLES,
@@ -202,7 +203,7 @@ def read_trace(
     The rate is the file's own, else the stated one, else the assumed ``data.file_rate``. Arguments
     and errors are those of :meth:`SignalDecoder.decode`.
     """
-    samples, source = read_samples(path, settings.channels)
+    samples, source = read_once(read_samples, path, settings.channels)
     check_samples(samples, f"Trace {path}")
     if source is None:
         return samples, settings.file_rate if rate is None else rate

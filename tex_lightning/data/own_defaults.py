@@ -16,6 +16,7 @@ from tex_lightning.config.instantiation import find_class
 from tex_lightning.config.tasks import TRAINING
 from tex_lightning.data.decode import MIN_RATE, SignalDecoder, check_decoding, read_trace
 from tex_lightning.data.folds import count_folds
+from tex_lightning.data.kept import keeping_traces
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recording
 from tex_lightning.errors import UserError
@@ -38,6 +39,7 @@ RATE = "data.sampling_rate"
 SLOW_RATE = 500.0  # Hz; below it a signal's level and direction tell much: pressure, gravity
 
 
+@keeping_traces()
 def with_defaults(task: str, data: DataConfig, model: ModelConfig, job: Job) -> Job:
     """Return the job with the overrides that follow from the user's recordings.
 
@@ -115,14 +117,16 @@ def weights_are_installed() -> bool:
 def _own_rate(data: DataConfig, model: ModelConfig) -> float:
     """Return the highest rate in Hz of the traces that are brought to one, at most the paper's."""
     senses = [model.sense(sense) for sense in model.senses]
-    modalities = {
-        sense.modality for sense in senses if sense.decode.get("sampling_rate", "none") is None
+    channels = {
+        sense.modality: sense.decode.get("channels")
+        for sense in senses
+        if sense.decode.get("sampling_rate", "none") is None
     }
     recordings = read_recordings(data, model.modalities)
-    rows = [row for row in recordings if row.modality in modalities]
+    rows = [row for row in recordings if row.modality in channels]
     spread = rows[:: max(1, len(rows) // LOOKED_AT)]
     looked_at = {row.path: row for row in (*{row.label: row for row in rows}.values(), *spread)}
-    rates = (_rate(row, data.file_rate) for row in looked_at.values())
+    rates = (_rate(row, data.file_rate, channels[row.modality]) for row in looked_at.values())
     rate = max(rates, default=PAPERS_RATE)
     if not MIN_RATE <= rate < PAPERS_RATE:
         return PAPERS_RATE
@@ -133,9 +137,10 @@ def _own_rate(data: DataConfig, model: ModelConfig) -> float:
     return max(rate, 20.0)  # of a clock that is not exact
 
 
-def _rate(row: Recording, assumed: float | None) -> float:
+def _rate(row: Recording, assumed: float | None, channels: list[int] | None) -> float:
     """Return the rate of one trace in Hz; 0 if it cannot be read, which is reported later."""
-    decoder = SignalDecoder(PAPERS_RATE, assumed or PAPERS_RATE)
+    kept = None if channels is None else tuple(channels)
+    decoder = SignalDecoder(PAPERS_RATE, assumed or PAPERS_RATE, kept)
     try:
         _, source = read_trace(row.path, decoder, row.sampling_rate)
     except UserError:
@@ -149,7 +154,8 @@ def _level_overrides(data: DataConfig, model: ModelConfig) -> Iterator[str]:
         sense = model.sense(name)
         rate: float = sense.decode.get("sampling_rate") or data.sampling_rate or PAPERS_RATE
         if sense.features.get("levels", 0) is None and rate < SLOW_RATE:
-            decoder = SignalDecoder(rate, rate, sense.decode.get("channels"))
+            channels = sense.decode.get("channels")
+            decoder = SignalDecoder(rate, rate, channels and tuple(channels))
             for row in read_recordings(data, [sense.modality]).of(sense.modality):
                 try:
                     trace, _ = read_trace(row.path, decoder, row.sampling_rate)

@@ -27,6 +27,7 @@ from tex_lightning.core.devices import in_threads
 from tex_lightning.core.files import require_file, resolved, write_atomically
 from tex_lightning.data.decode import Decoder
 from tex_lightning.data.folds import Sample
+from tex_lightning.data.kept import forget_traces
 from tex_lightning.data.recordings import Recording, cut_part
 from tex_lightning.data.traces import axis_files
 from tex_lightning.errors import UserError, reason
@@ -169,8 +170,11 @@ class Store:
         Returns:
             The files that cannot be decoded, and why.
         """
-        with suppress_warnings():
-            return list(filter(None, in_threads(self._try, recordings, "Decoding")))
+        try:
+            with suppress_warnings():
+                return list(filter(None, in_threads(self._try, recordings, "Decoding")))
+        finally:
+            forget_traces()  # of those that the cache has had
 
     def _try(self, recording: Recording) -> Unusable | None:
         """Decode a file unless the cache has it; a full disk is no fault of the file."""
