@@ -4,6 +4,7 @@ The device is CUDA or MPS where the machine has one, else the stand-in of ``seco
 which refuses what they would: tensors in two places, float64, generators of the CPU.
 """
 
+import json
 from copy import deepcopy
 
 import pytest
@@ -15,6 +16,7 @@ from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.config.composition import compose_config, read_config
+from tex_lightning.core.devices import computing_device
 from tex_lightning.inference.early_stopping import make_inference_model
 from tex_lightning.inference.stream import LiveStream
 from tex_lightning.networks.trunks import TRUNKS
@@ -99,6 +101,21 @@ def test_the_engine_a_stream_and_an_early_stop_decide_as_on_the_cpu(second_devic
         found.append([vote.probabilities for vote in votes] + [torch.tensor(last.probability)])
     for expected, values in zip(*found, strict=True):
         torch.testing.assert_close(values, expected, rtol=1e-3, atol=1e-3)
+
+
+def test_results_name_the_device_that_computed(second_device, cli, tiny, naive_bayes, tmp_path):
+    """Baselines take the CPU."""
+    assert computing_device("auto", [True, True]).type == "cpu"
+    assert computing_device("auto", [True, False]) == second_device
+    fit = cli("model=mfcc_nb", *tiny, f"hydra.run.dir={tmp_path}/fit")
+    same = [item for item in tiny if item.startswith("data")]
+    test = cli(
+        "task=evaluate", f"checkpoint={naive_bayes}", *same, f"hydra.run.dir={tmp_path}/test"
+    )
+    assert fit.status == test.status == 0, fit.err + test.err
+    for run in ("fit", "test"):
+        results = json.loads((tmp_path / run / "results.json").read_text())
+        assert results["environment"]["device"] == "cpu"
 
 
 def test_the_stand_in_refuses_what_devices_refuse():

@@ -56,7 +56,8 @@ class Results(dict[str, Any]):
     """The content of ``results.json``, and the run folder.
 
     Attributes:
-        folder: The run folder, with checkpoints, figures and predictions; :func:`load` takes it.
+        folder: The run folder, with checkpoints, figures and predictions;
+            :func:`tex_lightning.load` takes it.
 
     Example:
         >>> import tex_lightning as tl

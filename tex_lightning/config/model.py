@@ -101,7 +101,7 @@ class FusionFitConfig(FitConfig):
 class SenseConfig:
     """One sense; a user's own has ``fit`` of the kind of its recordings.
 
-    The keys beside ``fit`` form a node, which a card keeps and from which a branch is built. Its
+    The keys beside ``fit`` form a node, which a card keeps and from which a sense is built. Its
     classes receive the keys that they have parameters for.
     """
 

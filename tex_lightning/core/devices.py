@@ -40,6 +40,16 @@ def pick_device(accelerator: str) -> torch.device:
     return torch.device("cpu")
 
 
+def computing_device(accelerator: str, baselines: Iterable[bool]) -> torch.device:
+    """Return the device on which classifiers compute, of which baselines take the CPU.
+
+    Args:
+        accelerator: As in :func:`pick_device`.
+        baselines: Whether each classifier is a baseline; some networks among them decide.
+    """
+    return torch.device("cpu") if all(baselines) else pick_device(accelerator)
+
+
 @contextmanager
 def full_precision(device: torch.device) -> Iterator[None]:
     """Compute in float32 where the caller lets PyTorch choose (autocast), as in mixed precision.

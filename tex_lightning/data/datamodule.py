@@ -165,7 +165,8 @@ class SurfaceData(LightningDataModule):
     def val_dataloader(self) -> DataLoader[Batch] | list[Any]:
         """Return a loader of the validation samples, one at a time: they have unequal sizes.
 
-        If there are fewer samples than processes, every process reads all of them.
+        A process that has no share of them, of fewer samples than processes, reads all. Without
+        samples there is an empty list in place of a loader.
         """
         samples = self.validation
         if not samples:

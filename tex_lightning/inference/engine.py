@@ -204,10 +204,10 @@ class Costs:
         self.of = lru_cache(self._of)
 
     def _of(self, sense: str, height: int, width: int) -> int:
-        classifier, branch = self.classifier, self.classifier.senses[sense]
-        x = branch.blank(height, width).to("meta")
+        classifier, part = self.classifier, self.classifier.senses[sense]
+        x = part.blank(height, width).to("meta")
         return count_macs(
             lambda: classifier.project(
-                sense, branch.dense_grid(x, classifier.level(sense)).flatten(1)
+                sense, part.dense_grid(x, classifier.level(sense)).flatten(1)
             )
         )

@@ -25,7 +25,7 @@ from tex_lightning.learning.module import REFRESH
 UNHELPFUL = (
     ".*does not have many workers.*",  # data is decoded already; workers rarely pay
     ".*exists and is not empty.*",  # that is what resuming means
-    ".*in eval mode at the start of training.*",  # FusionModule keeps its statistics on purpose
+    ".*in eval mode at the start of training.*",  # a FusionNet keeps its statistics
     ".*configure_optimizers` returned `None`.*",  # of what is fitted in closed form
     ".*`srun` command is available.*",  # it may be installed and not be meant
     ".*LeafSpec.*is deprecated.*",  # Lightning 2.6 with PyTorch 2.13, until Lightning follows

@@ -109,10 +109,10 @@ def try_custom_parts(
         fit, name = model.fit_values(sense.name), sense.name
         builtin = sense.is_builtin and fit.get("augmentation") is None
         if not builtin and name not in model.checkpoints:
-            try_branch(card.of([name]), fit, model.sense(name).fit.piece, recordings, store)
+            try_sense(card.of([name]), fit, model.sense(name).fit.piece, recordings, store)
 
 
-def try_branch(
+def try_sense(
     card: Card, fit: Mapping[str, Any], piece: int, recordings: Recordings, store: Store
 ) -> None:
     """Train one sense with custom parts on two recordings, save and load it.

@@ -69,7 +69,7 @@ class Dataset:
         """Drop the recordings that give no fragment as well.
 
         Args:
-            senses: Branches that look at them.
+            senses: Senses that read them.
             skip_bad: Whether the task goes on without the files left out (``data.skip_bad``).
 
         Raises:
@@ -130,7 +130,7 @@ def open_dataset(data: DataConfig, senses: Sequence[Sense]) -> Dataset:
 
     Args:
         data: Where recordings come from.
-        senses: Branches that will be trained on them.
+        senses: Senses that will be trained on them.
 
     Raises:
         UserError: If the data cannot be used.

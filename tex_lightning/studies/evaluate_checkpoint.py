@@ -8,7 +8,7 @@ from typing import Any
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
-from tex_lightning.core.devices import pick_device
+from tex_lightning.core.devices import computing_device
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store, Unusable, load_sample, skipped_entry
 from tex_lightning.evaluation.calibration import calibration
@@ -35,8 +35,10 @@ def results_frame(
     skipped: Sequence[Unusable],
     networks: dict[str, Any],
     seconds: float,
+    *,
+    baseline: bool = False,
 ) -> dict[str, Any]:
-    """Return the entries of ``results.json`` around its networks."""
+    """Return the entries of ``results.json`` around its networks, or around a baseline."""
     return {
         "task": config.task,
         "model": model,
@@ -45,7 +47,7 @@ def results_frame(
         "seed": config.seed,
         "wall_seconds": seconds,
         "skipped": skipped_entry(skipped),
-        "environment": environment(pick_device(config.trainer.accelerator)),
+        "environment": environment(computing_device(config.trainer.accelerator, [baseline])),
         "networks": networks,
     }
 

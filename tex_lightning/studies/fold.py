@@ -137,7 +137,10 @@ def training_results(
     """Return ``results.json`` of a training, with the sources of networks' and trunks' weights."""
     model, begun = config.model, {**config.sources, **config.model.checkpoints}
     weights = {name: begun.get(name, RANDOM) for name in model.senses}
-    frame = results_frame(config, model.name, dataset.classes, dataset.skipped, networks, seconds)
+    frame = results_frame(
+        config, model.name, dataset.classes, dataset.skipped, networks, seconds,
+        baseline=model.baseline is not None,
+    )  # fmt: skip
     return {**frame, "weights": weights}
 
 
@@ -255,7 +258,7 @@ def complete_recipe(
         card: Card of the network.
         parts: Recordings by part.
         store: Decoded files.
-        unimodal: By sense the networks that FusionNet starts from: its branches are theirs.
+        unimodal: By sense the networks that FusionNet starts from: its senses are theirs.
 
     Raises:
         UserError: If its trunk cannot be used or has seen what is to be tested.
@@ -265,8 +268,8 @@ def complete_recipe(
     for name in card.modalities:
         if name not in ranges:
             ranges[name] = training_ranges(rows.of(name), store)
-    branches = {name: start.card.senses[name] for name, start in unimodal.items()}
-    card = replace(card, input_ranges=ranges, senses={**card.senses, **branches})
+    senses = {name: start.card.senses[name] for name, start in unimodal.items()}
+    card = replace(card, input_ranges=ranges, senses={**card.senses, **senses})
     source = None if card.baseline or starts else config.sources.get(card.kind)
     if source is not None and (start := starting_classifier(source, card.kind)) is not None:
         test = parts.test.of(card.modalities[0])

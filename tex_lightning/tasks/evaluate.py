@@ -46,7 +46,10 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     loggers = open_loggers(config.logger, directory, card.kind)
     log_test(loggers, card.kind, tested_on, network)
     networks, seconds = {card.kind: network}, time.perf_counter() - begin
-    results = results_frame(config, card.kind, card.classes, dataset.skipped, networks, seconds)
+    results = results_frame(
+        config, card.kind, card.classes, dataset.skipped, networks, seconds,
+        baseline=bool(card.baseline),
+    )  # fmt: skip
     write_results(directory / "results.json", results)
     print_results(results, directory)
     return results

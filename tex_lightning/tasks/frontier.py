@@ -15,7 +15,7 @@ from omegaconf import OmegaConf
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import console, say
-from tex_lightning.core.devices import pick_device
+from tex_lightning.core.devices import computing_device
 from tex_lightning.core.files import write_rows
 from tex_lightning.evaluation.comparison import (
     correct_shares,
@@ -48,6 +48,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     folds = chosen_folds(config.data.folds, config.crossval.only)
     measure_family(systems, folds, directory / "systems")
     chosen = _choose(systems)
+    baselines = [system.config.model.baseline is not None for system in systems]
     rows = _rows(systems, chosen)
     write_rows(directory / "frontier.csv", rows[0], (row.values() for row in rows))
     save_figure(frontier_figure(rows), directory / "frontier")
@@ -57,7 +58,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "seed": config.seed,
         "folds": folds,
         "wall_seconds": time.perf_counter() - begin,
-        "environment": environment(pick_device(config.trainer.accelerator)),
+        "environment": environment(computing_device(config.trainer.accelerator, baselines)),
         "chosen": chosen.name,
         "command": _command(job, chosen.overrides),
         "overrides": chosen.overrides,

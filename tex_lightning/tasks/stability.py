@@ -8,7 +8,7 @@ from typing import Any
 
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
-from tex_lightning.core.devices import pick_device
+from tex_lightning.core.devices import computing_device
 from tex_lightning.core.files import write_rows
 from tex_lightning.core.progress import Stage
 from tex_lightning.evaluation.outcomes import counted, environment, write_results
@@ -34,12 +34,13 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     for modality in dict.fromkeys(trial.modality for trial in trials):
         some = [trial for trial in trials if trial.modality == modality]
         save_figure(curves(some, table, modality), directory / "figures" / f"curves_{modality}")
+    baselines = [bool(fold.classifier.card.baseline) for it in systems for fold in it.folds]
     results = {
         "task": config.task,
         "data": config.data.name,
         "seed": config.seed,
         "wall_seconds": time.perf_counter() - begin,
-        "environment": environment(pick_device(config.trainer.accelerator)),
+        "environment": environment(computing_device(config.trainer.accelerator, baselines)),
         "engine": asdict(config.engine),
         "perturbations": {perturbation.name: asdict(perturbation) for perturbation in chosen},
         "systems": {system.name: _entry(system, trials) for system in systems},
