@@ -105,9 +105,10 @@ class SpectrogramFeatures(nn.Module):
     window_length`` Hz (at 10 kHz 0 to 980 Hz in steps of 20), as in the paper; of scale ``mel`` the
     root of the mean power in band ``k`` of 50 up to half the rate (:func:`mel_filters`). Frame
     ``t`` starts at sample ``t * hop_length`` of the movement and frames that would pass its end are
-    left out. ``standard`` takes the logarithm and standardises every channel with the mean and deviation of the training set, so that the level
-    and the spectral envelope of a trace count; a channel that never varies becomes zero.
-    ``paper`` brings every channel of every trace to [0, 1]; a constant channel becomes zero.
+    left out. ``standard`` takes the logarithm and standardises every channel with the mean and
+    deviation of the training set, so that the level and the spectral envelope of a trace count; a
+    channel that never varies becomes zero. ``paper`` brings every channel of every trace to [0, 1];
+    a constant channel becomes zero.
 
     ``trace`` removes the mean of the whole movement and joins its axes, however many, by DFT321
     before the frames are cut, as the paper does with three. ``frame`` removes each frame's own mean
