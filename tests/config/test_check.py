@@ -83,3 +83,9 @@ def test_what_a_constructor_refuses_is_said_before_data_is_read(case, cli, monke
     outcome = cli("model=haptic", f"+{case}", f"hydra.run.dir={tmp_path}/run")
     assert (outcome.status, outcome.err.count("\n")) == (2, 1), outcome.err
     assert ("flag of trainer" if "trainer" in case else case.rpartition(".")[0]) in outcome.err
+
+
+@pytest.mark.parametrize("key", ["data.hold_out", "trusted", "frontier.only", "stability.systems"])
+def test_a_list_in_a_list_of_names_is_refused(key):
+    with pytest.raises(UserError, match=rf"{key} is \[\['a'\]\]: give a list, each text"):
+        check_config(read_config(compose_config([f"{key}=[[a]]"])))

@@ -6,7 +6,9 @@ complaints are made at once, before any work.
 """
 
 from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
 from operator import attrgetter
+from typing import Any
 
 from omegaconf import DictConfig
 
@@ -14,6 +16,7 @@ from tex_lightning.config import READ_FILES, Config, ModelConfig, trunk_name
 from tex_lightning.config.composition import read_config
 from tex_lightning.config.keys import beyond, choice, walk
 from tex_lightning.config.model import CHECKPOINT
+from tex_lightning.config.signatures import misfits
 from tex_lightning.config.tasks import TRAINING
 from tex_lightning.errors import UserError, shorten
 
@@ -61,9 +64,20 @@ def check_config(config: Config) -> None:
     """
     rules = (_model_rules, _data_rules, _decision_rules, _task_rules, _record_rules)
     complaints = [complaint for rule in rules for wrong, complaint in rule(config) if wrong]
+    complaints += _types(config)
     for name, key in walk(Config):
         complaints += beyond(name, attrgetter(name)(config), key)
     _refuse([*complaints, *_unknown_names(config)])
+
+
+def _types(section: Any, prefix: str = "") -> Iterator[str]:  # noqa: ANN401
+    """Yield a complaint for each value that Hydra lets pass, such as a list in a list of names."""
+    values = {entry.name: getattr(section, entry.name) for entry in fields(section)}
+    for complaint in misfits(prefix, type(section), values):
+        yield complaint.removeprefix(".")
+    for name, value in values.items():
+        if is_dataclass(value):
+            yield from _types(value, f"{prefix}.{name}".removeprefix("."))
 
 
 def _refuse(complaints: list[str]) -> None:
