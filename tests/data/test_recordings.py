@@ -98,6 +98,8 @@ def test_a_column_fold_fixes_the_folds_and_is_no_condition(tmp_path, cells, fold
     [
         ("label,path\n", "has no column modality or group"),
         (HEADER, "lists no recordings"),
+        (HEADER.replace("group", "Group"), "a column 'Group'; call it group if it is meant"),
+        ("lable,modality,path,group\n", "a column 'lable'; call it label"),
         (HEADER + "w,two words,a.wav,0\n", "line 2 has modality 'two words'; give one word"),
         (HEADER + "w,haptic,a.wav,\n", "group ''; give a text, such as a session"),
         ("label,modality,path,group,rate\nw,haptic,a.wav,0,fast\n", "rate 'fast'; give a number"),
@@ -118,6 +120,24 @@ def test_what_is_wrong_with_a_manifest_is_said(tmp_path, lines, message):
     with pytest.raises(UserError, match=message) as caught:
         read_manifest(manifest(tmp_path, lines))
     assert len(str(caught.value)) < 700
+
+
+@pytest.mark.parametrize(
+    ("column", "meant"),
+    [
+        *((name, "rate") for name in ("sampling_rate", "SampleRate", "Rate", "fs", "rate (Hz)")),
+        *((name, "rate") for name in ("sampling frequency", "rates", "rtae", "sample_rate_hz")),
+        *(("Parts", "part"), ("folds", "fold"), ("Paths", "path"), ("labels", "label")),
+        *((name, None) for name in ("feed_rate", "patch", "party", "gold", "date", "force", "sr")),
+    ],
+)
+def test_a_column_that_is_nearly_a_known_one_is_asked_about(tmp_path, column, meant):
+    path = manifest(tmp_path, f"{HEADER.strip()},{column}\nw,haptic,a.wav,0,100\n")
+    if meant is None:
+        assert read_manifest(path).rows[0].conditions == ((column, "100"),)
+    else:
+        with pytest.raises(UserError, match=f"call it {meant} if it is meant, or otherwise if"):
+            read_manifest(path)
 
 
 def test_a_manifest_that_is_no_text_or_not_there(tmp_path):

@@ -66,11 +66,17 @@ def test_mixed_rates_are_told_apart_and_said_first(cli, mixed, tmp_path):
     stamp(mixed / "gamma" / "Haptic")
     (mixed / "empty").mkdir()
     (mixed / "alpha" / "stray.wav").write_text("x")
+    for name in ("alpha/Haptic/9.mp3", "beta/Haptic/9.MP3", "beta/Images/9.heic"):
+        (mixed / name).write_text("x")
     outcome = cli("model=haptic", "data.val_fold=1", *options(mixed, tmp_path))
     assert outcome.status == 0, outcome.err
     assert entry(outcome.err, "Classes") == "3: alpha, beta, gamma"
     assert entry(outcome.err, "Traces") == "12; 2.4 to 8 s; 4 of a class"
+    assert (
+        entry(outcome.err, "Folds") == "4, of which fold 0 is tested, and fold 1 chooses the epoch"
+    )
     assert f"Class folder {mixed}/empty is skipped" in outcome.err
+    assert "not read: 2 .mp3, 1 .heic (such as" in outcome.err
     assert "Is 10,000 Hz the rate" not in outcome.err
     assert results(tmp_path)["skipped"] == []
     predicted = cli(

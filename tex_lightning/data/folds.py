@@ -17,7 +17,7 @@ from typing import Any
 from tex_lightning.config import Folding
 from tex_lightning.config.keys import nearest
 from tex_lightning.core.groups import divide
-from tex_lightning.data.recordings import Recording, Recordings, natural_key, plural
+from tex_lightning.data.recordings import Recording, Recordings, natural_key, one_name, plural
 from tex_lightning.errors import UserError, listed
 
 DECIMAL = re.compile(r"[-+]?((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)")
@@ -29,7 +29,7 @@ def comparable(value: object) -> str:
     So are YAML's ``true`` and Python's ``True``; other words are compared as text, also ``007``,
     ``1_0`` and ``1e3``, which may be names.
     """
-    text = str(value)
+    text = one_name(str(value))
     if not DECIMAL.fullmatch(text):
         return text.lower() if text in ("True", "False") else text
     return str(float(text)).removesuffix(".0")

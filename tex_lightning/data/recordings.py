@@ -8,6 +8,7 @@ without overlap share nothing.
 import csv
 import math
 import re
+import unicodedata
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -71,6 +72,9 @@ NAMES = {"haptic": "trace", "image": "photo"}  # of one recording, where that ha
 COLUMNS = ("label", "modality", "path", "group")
 RATE, PART, FOLD = "rate", "part", "fold"
 KNOWN = (*COLUMNS, RATE, PART, FOLD)
+SAMPLING = re.compile(  # names that a column of rates may have
+    r"(sampl(e|es|ed|ing)?|acquisition|audio)(rate|freq\w*)(s|inhz|hz|khz)?|fs|k?hz|rate(in)?k?hz"
+)
 NUMBER = re.compile("[0-9]{1,18}")  # longer ones are names
 Conditions = tuple[tuple[str, str], ...]
 
@@ -172,6 +176,30 @@ class Recordings:
         return replace(self, rows=tuple(row for row in self.rows if keep(row)))
 
 
+def one_name(name: str) -> str:
+    """Return the same text for all spellings that look alike: composed letters, no outer blanks.
+
+    Some systems write an accent as a letter of its own, and spreadsheets keep blanks at the end.
+    """
+    return unicodedata.normalize("NFC", name).strip()
+
+
+def with_one_name(recordings: Recordings) -> Recordings:
+    """Return the table with one spelling of each class, and a note for each that had several."""
+    spellings: dict[str, set[str]] = defaultdict(set)
+    rows = []
+    for row in recordings:
+        spellings[label := one_name(row.label)].add(row.label)
+        group = one_name(row.group) if isinstance(row.group, str) else row.group
+        rows.append(replace(row, label=label, group=group))
+    notes = [
+        f"{' and '.join(map(ascii, sorted(several)))} look alike and are one class, {label}."
+        for label, several in spellings.items()
+        if len(several) > 1
+    ]
+    return replace(recordings, rows=tuple(rows), notes=(*recordings.notes, *notes))
+
+
 def class_indices(labels: Iterable[str], classes: Sequence[str]) -> list[int]:
     """Return the index of each label among the classes."""
     index = {name: number for number, name in enumerate(classes)}
@@ -233,6 +261,12 @@ def read_manifest(path: Path) -> Recordings:
         raise UserError(
             f"Manifest {path} is not a UTF-8 CSV file ({reason(error)}); save it as CSV."
         ) from error
+    for name in names:
+        if (meant := _nearly(name)) is not None:
+            raise UserError(
+                f"Manifest {path} has a column {shorten(repr(name))}; call it {meant} if it is "
+                f"meant, or otherwise if it is a condition of the recordings."
+            )
     if missing := [column for column in COLUMNS if column not in names]:
         raise UserError(
             f"Manifest {path} has no column {' or '.join(missing)}; its first line must name "
@@ -313,6 +347,17 @@ def _read_line(folder: Path, line: dict[str, str]) -> Recording:
     )
 
 
+def _nearly(name: str) -> str | None:
+    """Return the column that another one may have been meant for; None if there is none."""
+    plain = re.sub(r"[\W_]+", "", name.casefold())
+    if name in KNOWN or not plain:
+        return None
+    if SAMPLING.fullmatch(plain):
+        return RATE
+    slips = {plain[:at] + plain[at : at + 2][::-1] + plain[at + 2 :] for at in range(len(plain))}
+    return next((known for known in KNOWN if known in {*slips, plain.removesuffix("s")}), None)
+
+
 def _parsed(parse: Callable[[str], Any], text: str) -> Any:  # noqa: ANN401
     try:
         return parse(text) if text else None
@@ -334,7 +379,7 @@ def check_row(row: Any, where: str) -> None:  # noqa: ANN401
 
 
 FIELDS: dict[str, tuple[Callable[[Any], bool], str]] = {
-    "label": (lambda x: isinstance(x, str) and x != "", "a name"),
+    "label": (lambda x: isinstance(x, str) and x.strip() != "", "a name"),
     "modality": (
         lambda x: isinstance(x, str) and x.isidentifier(), "one word, such as haptic or image"
     ),

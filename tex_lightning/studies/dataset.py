@@ -22,7 +22,7 @@ from tex_lightning.data.folds import (
 )
 from tex_lightning.data.quality import MEASURES
 from tex_lightning.data.readers import read_recordings
-from tex_lightning.data.recordings import Recordings, plural
+from tex_lightning.data.recordings import Recordings, one_name, plural
 from tex_lightning.data.store import Store, Unusable, cache_root, list_files
 from tex_lightning.errors import UserError, listed
 from tex_lightning.evaluation.conditions import Bins, condition_bins
@@ -206,6 +206,7 @@ def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordi
     Raises:
         UserError: If there is no such class.
     """
+    classes = None if classes is None else [one_name(label) for label in classes]
     if absent := sorted(set(classes or ()) - set(recordings.classes)):
         raise UserError(
             f"data.hold_out names {listed(absent)}, and the data has no such class; choose from "
@@ -249,7 +250,20 @@ def show_opening(
         sizes = [dataset.store.extent(row) for row in signals]
         size = _spread(sizes, decoder.unit, decoder.precision)
         show(title, f"{len(signals)}; {size}; {_spread([*counts.values()], '', 'd')} of a class")
+    if divisions:
+        show("Folds", _folds(divisions))
     show("Trains" if divisions else "Tests", what)
+
+
+def _folds(divisions: Sequence[Folding]) -> str:
+    """Say how recordings are divided for one training, or for several in turn."""
+    by, count = divisions[0], divisions[0].folds
+    if len(divisions) > 1:
+        return f"{count}, of which {len(divisions)} are tested, one after the other"
+    if by.inverted:
+        return f"{count}, of which fold {by.test_fold} is trained on and the others are tested"
+    chosen = "" if by.val_fold is None else f", and fold {by.val_fold} chooses the epoch"
+    return f"{count}, of which {tested_part(by)} is tested{chosen}"
 
 
 def _spread(values: Sequence[float], unit: str, form: str) -> str:

@@ -20,7 +20,7 @@ from tex_lightning.config.composition import Job
 from tex_lightning.core.console import console, print_line, say
 from tex_lightning.core.progress import track
 from tex_lightning.data.quality import photo_quality, trace_quality
-from tex_lightning.data.recordings import name_one
+from tex_lightning.data.recordings import name_one, one_name
 from tex_lightning.errors import UserError
 from tex_lightning.recording.class_folder import ClassFolder, Pixels, open_camera
 from tex_lightning.recording.sources import Chunk, Source, open_source
@@ -36,7 +36,7 @@ def run(config: Config, job: Job) -> None:
     """
     settings = config.record
     out = Path(str(settings.out)).expanduser()
-    folder = ClassFolder(out, str(settings.label), settings.conditions)
+    folder = ClassFolder(out, one_name(str(settings.label)), settings.conditions)
     photos = config.files.get("image")
     with open_camera(str(photos)) if photos else nullcontext() as camera:
         record(config, folder, camera)

@@ -10,6 +10,7 @@ from haptic_sets import read
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import Recordings, read_manifest, write_manifest
 from tex_lightning.errors import UserError
+from tex_lightning.studies.dataset import hold_out
 
 
 def touch(root, *names):
@@ -18,6 +19,9 @@ def touch(root, *names):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("x")
     return root
+
+
+OTHERS = "Of other kinds and not read: "
 
 
 @pytest.mark.parametrize(
@@ -33,25 +37,27 @@ def touch(root, *names):
             ["a/Sounds/1.wav", "a/thermal/1.png", "a/Radar/2.npy", "a/raw data/1.wav",
              "a/notes/read.me", "a/Sounds/cover.jpg"],
             ["a radar 0 2.npy", "a sound 0 1.wav", "a thermal 0 1.png"],
-            [],
+            [f"{OTHERS}1 .jpg, 1 .me, 1 .wav (such as DIR/a/Sounds/cover.jpg)."],
             id="sounds and senses of the user's own",
         ),
         pytest.param(
             ["a/s10.wav", "a/s9.wav", "a/p1.JPG", "a/s9.json", "a/old/1.wav", ".git/x.wav"],
             ["a haptic 0 s9.wav", "a haptic 1 s10.wav", "a image 0 p1.JPG", "a old 0 1.wav"],
-            [],
+            [f"{OTHERS}1 .json (such as DIR/a/s9.json)."],
             id="a flat class by suffixes",
         ),
         pytest.param(
             ["a/haptic/1.wav", "a/2.wav", "a/3.jpg", "a/notes.docx"],
             ["a haptic 0 1.wav"],
-            ["DIR/a has folders for its senses, so 2.wav beside them is not read."],
+            ["DIR/a has folders for its senses, so 2.wav beside them is not read.",
+             f"{OTHERS}1 .docx (such as DIR/a/notes.docx)."],
             id="folders win over files beside them",
         ),
         pytest.param(
             ["a/haptic/1.wav", "a/image/1.heic", "b/x.doc", "notes.txt"],
             ["a haptic 0 1.wav"],
-            ["Class folder DIR/b is skipped: it has no trace and no photo."],
+            ["Class folder DIR/b is skipped: it has no trace and no photo.",
+             f"{OTHERS}1 .heic, 1 .doc (such as DIR/a/image/1.heic)."],
             id="classes without anything readable",
         ),
     ],
@@ -72,6 +78,28 @@ def test_two_axes_of_three_stay_one_recording(tmp_path):
     for axis in "YZ":
         np.savetxt(tmp_path / "a" / "haptic" / f"alpha_{axis}_5.txt", np.ones(9))
     assert [row.path.name for row in read_folder(tmp_path)] == ["1.wav", "alpha_Y_5.txt"]
+
+
+def test_a_folder_of_other_kinds_alone_says_what_is_there(tmp_path):
+    touch(tmp_path, *(f"{label}/haptic/{n}.mp3" for label in "ab" for n in range(3)), "a/Thumbs.db")
+    with pytest.raises(UserError, match=rf"holds no recordings; .* {OTHERS}6 \.mp3 \(such as"):
+        read_folder(tmp_path)
+
+
+def test_spellings_that_look_alike_are_one_class(tmp_path):
+    names = ["Gr\u00fcn", "Gru\u0308n", "oak", "oak ", "pine\u00a0"]
+    touch(tmp_path, *(f"{name}/haptic/{n}.wav" for name in names for n in range(2)))
+    rows = read("data=folder", f'data.root="{tmp_path}"')
+    assert rows.classes == ["Gr\u00fcn", "oak", "pine"]
+    assert [row.label for row in rows].count("oak") == 4
+    grouped = {row.group for row in rows if row.label == "Gr\u00fcn"}
+    assert len(grouped) == 2  # what has one name was recorded together, as far as is known
+    assert rows.notes == (
+        "'Gru\\u0308n' and 'Gr\\xfcn' look alike and are one class, Gr\u00fcn.",
+        "'oak' and 'oak ' look alike and are one class, oak.",
+    )
+    held, unknown = hold_out(rows, ["Gru\u0308n"])
+    assert (held.classes, unknown.classes) == (["oak", "pine"], ["Gr\u00fcn"])
 
 
 def test_too_few_recordings_or_classes_are_refused(surfaces, tmp_path):

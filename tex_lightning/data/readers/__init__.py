@@ -2,12 +2,19 @@
 
 from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from tex_lightning.config import DataConfig
 from tex_lightning.config.instantiation import build
 from tex_lightning.data.folds import check_conditions, with_folds
-from tex_lightning.data.recordings import Recording, Recordings, check_distinct, check_row
+from tex_lightning.data.recordings import (
+    Recording,
+    Recordings,
+    check_distinct,
+    check_row,
+    with_one_name,
+)
 from tex_lightning.errors import UserError, listed, shorten
 
 
@@ -35,7 +42,8 @@ def checked_table(table: Any, reader: str) -> Recordings:  # noqa: ANN401
             f"{reader} (data.reader) gives {without[0].path} no fold; give every recording one, or "
             "none."
         )
-    return Recordings(rows, (*table.notes, *divided_groups(rows)))
+    named = with_one_name(Recordings(rows, table.notes))
+    return replace(named, notes=(*named.notes, *divided_groups(named.rows)))
 
 
 def divided_groups(rows: Sequence[Recording]) -> list[str]:

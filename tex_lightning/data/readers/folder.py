@@ -6,7 +6,10 @@ own, ``root/CLASS/NAME/*``, are read as well. A class without folders for its se
 lies, ``root/CLASS/*``: a file's suffix tells its sense.
 """
 
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 from tex_lightning.data.decode import IMAGE_SUFFIXES
@@ -17,9 +20,11 @@ from tex_lightning.data.recordings import (
     natural_key,
     read_manifest,
 )
-from tex_lightning.data.traces import TRACE_SUFFIXES, stands_for_all
+from tex_lightning.data.traces import TRACE_SUFFIXES, axis_files, stands_for_all
 from tex_lightning.errors import UserError
 
+SYSTEMS = ("Thumbs.db", "desktop.ini")  # files that are nobody's
+MAX_KINDS = 6
 BESIDE = {"haptic": TRACE_SUFFIXES, "image": IMAGE_SUFFIXES}  # of files in the folder of a class
 
 
@@ -70,17 +75,47 @@ def read_folder(root: Path) -> Recordings:
         raise UserError(f"Folder {root} does not exist; give an existing folder in data.root.")
     rows: list[Recording] = []
     notes: list[str] = []
+    others: list[Path] = []
     for directory in _folders(root):
         recordings = _read_class(directory, notes)
+        others += _others(directory, recordings)
         if not recordings:
             notes.append(f"Class folder {directory} is skipped: it has no trace and no photo.")
         rows += recordings
+    counted = f"Of other kinds and not read: {count_kinds(others)}." if others else ""
     if not rows:
         raise UserError(
             f"Folder {root} holds no recordings; put traces in {root}/CLASS/haptic "
             f"({', '.join(TRACE_SUFFIXES)}) and photos in {root}/CLASS/image (.jpg, .png, …)."
+            f"{others and f' {counted}'}"
         )
-    return Recordings(tuple(rows), tuple(notes))
+    return Recordings(tuple(rows), (*notes, *([counted] if others else [])))
+
+
+def count_kinds(files: Sequence[Path]) -> str:
+    """Count files by their suffix, most frequent first, and name one of them.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from tex_lightning.data.readers.folder import count_kinds
+        >>> count_kinds([Path("a/1.MP3"), Path("a/2.mp3"), Path("a/README")])
+        '2 .mp3, 1 without suffix (such as a/1.MP3)'
+    """
+    kinds = Counter(file.suffix.lower() or "without suffix" for file in files)
+    most = [f"{count} {kind}" for kind, count in kinds.most_common(MAX_KINDS)]
+    more = ["others"] if len(kinds) > MAX_KINDS else []
+    return f"{', '.join([*most, *more])} (such as {files[0]})"
+
+
+def _others(directory: Path, recordings: Sequence[Recording]) -> Iterator[Path]:
+    """Yield the files of a class that are no recordings; those beside its senses have a note."""
+    read = {file for row in recordings for file in axis_files(row.path)}
+    beside = tuple(chain.from_iterable(BESIDE.values()))
+    for folder in (directory, *_folders(directory)):
+        for path in sorted(folder.glob("[!.]*")):
+            noted = folder == directory and path.suffix.lower() in beside
+            if not (noted or path in read or path.name in SYSTEMS or path.is_dir()):
+                yield path
 
 
 def _read_class(directory: Path, notes: list[str]) -> list[Recording]:
