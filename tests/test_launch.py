@@ -5,10 +5,12 @@ import os
 import subprocess
 import sys
 import tomllib
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 import torch
 from conftest import make_trace
+from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.utils import JobRuntime
@@ -68,6 +70,25 @@ def test_other_tasks_run_and_a_family_is_composed_with_what_was_asked_for(given,
     assert set(results["systems"]) == {"mfcc_nb", "mfcc_gmm"}
     assert "seed=7" in results["command"]
     assert [*results.folder.glob("systems/mfcc_nb/folds/*/checkpoints/haptic.ckpt")]
+
+
+def test_threads_train_one_after_the_other_in_folders_of_their_own(given, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with ThreadPoolExecutor(2) as threads:
+        jobs = [threads.submit(tl.train, *QUICK, *given, f"seed={seed}") for seed in (0, 1)]
+        both = [job.result() for job in jobs]
+    assert [results["seed"] for results in both] == [0, 1]
+    assert len({results.folder for results in both}) == 2
+    first, second = (compose_run_folder() for _ in range(2))
+    assert first != second  # within one second
+
+
+def compose_run_folder() -> str:
+    """The folder that a run would make now."""
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        composed = compose("config", return_hydra_config=True)
+        HydraConfig.instance().set_config(composed)
+        return composed.hydra.run.dir
 
 
 @pytest.mark.parametrize(

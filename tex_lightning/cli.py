@@ -15,6 +15,7 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
+from threading import RLock
 from typing import Any
 
 import hydra
@@ -32,14 +33,20 @@ from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.config.mistakes import MISTAKES, explain
 from tex_lightning.config.names import as_typed
 from tex_lightning.config.search import use_config_dir, with_own_senses
-from tex_lightning.config.tasks import TRAINING
+from tex_lightning.config.tasks import NO_FOLDER, TRAINING
 from tex_lightning.config.usage import answer, asks
 from tex_lightning.core.console import Screen, say, show_rank_zero, verbosity
 from tex_lightning.core.contract import fault_of
 from tex_lightning.core.files import UNWRITABLE, unwritable
 from tex_lightning.core.progress import finishing
 from tex_lightning.core.ranks import is_rank_zero, joining, started_processes
-from tex_lightning.core.run_folder import claim_folder, find_checkpoint, holds_work, locked_folder
+from tex_lightning.core.run_folder import (
+    claim_folder,
+    find_checkpoint,
+    holds_work,
+    locked_folder,
+    remove_if_empty,
+)
 from tex_lightning.errors import UserError, reason, shorten
 
 FAILED, USER_FAULT, INTERRUPTED = 1, 2, 130  # exit statuses
@@ -48,6 +55,8 @@ EXHAUSTIVE = "hydra._internal.core_plugins.basic_sweeper.BasicSweeper"  # runs a
 # Of every job of this process its run folder, and the override that goes on with it; none means
 # that Hydra could not make a run folder.
 STARTED: list[tuple[Path, str]] = []
+
+TURN = RLock()  # of one thread: Hydra's state, logging and threads are those of the process
 
 log = logging.getLogger(__name__)
 
@@ -75,7 +84,7 @@ def train(*overrides: str) -> Results:
     """Run a command line in this process.
 
     Logging, the working directory and Hydra's state are left as they are. An unfinished run of the
-    same settings in the run folder is continued.
+    same settings in the run folder is continued. One run of a process waits for another.
 
     Args:
         *overrides: Arguments after ``python -m tex_lightning``, such as ``"model=haptic"``,
@@ -109,15 +118,19 @@ def train(*overrides: str) -> Results:
         content = json.loads(file.read_text(encoding="utf-8")) if is_rank_zero() else {}
         return Results(content, job.directory)
 
+    TURN.acquire()
     try:
         results: Results = run_composed(run, use_config_dir(overrides))
     except Exception as error:
+        if began and not began[0].named:
+            remove_if_empty(began[0].directory)
         mistake = to_user_error(error, began=bool(began))
         if mistake is None or mistake is error:
             raise
         raise mistake from error
     finally:
         use_config_dir([])
+        TURN.release()
     return results
 
 
@@ -210,7 +223,7 @@ def _run(arguments: Sequence[str]) -> int:
 def _interrupted() -> str:
     """Return what to say after Ctrl-C: how to go on with what is there."""
     for directory, override in reversed(STARTED):
-        if holds_work(directory):
+        if override and holds_work(directory):
             again = f"the same command with {override}"
             return f"Interrupted; {again} goes on after the last finished epoch."
     return "Interrupted."
@@ -229,13 +242,17 @@ def run_job(composed: DictConfig) -> float | None:
     if swept:
         _check_search(composed, job)
     place = OmegaConf.select(job.hydra, "hydra.sweep.dir") if swept else job.directory
-    STARTED.append((job.directory, f"hydra.{'sweep' if swept else 'run'}.dir={place}"))
-    (job.directory / FAILURE).unlink(missing_ok=True)
+    again = f"hydra.{'sweep' if swept else 'run'}.dir={place}"
+    STARTED.append((job.directory, "" if composed.task in NO_FOLDER else again))
+    if swept:
+        (job.directory / FAILURE).unlink(missing_ok=True)
     try:
         return run_task(composed, job)
     except Exception as error:
         mistake = to_user_error(error, began=True)
         if not swept:
+            if not job.named:
+                remove_if_empty(job.directory)
             if mistake is None:
                 raise
             raise SystemExit(complain(mistake)) from error
@@ -304,7 +321,7 @@ def _run_in_folder(config: Config, composed: DictConfig, job: Job) -> dict[str, 
     locked = is_rank_zero() and config.task not in SILENT
     lock = locked_folder(job.directory) if locked else nullcontext()
     with verbosity(config.verbose), finishing(), lock:
-        if is_rank_zero():
+        if is_rank_zero() and config.task not in NO_FOLDER:
             claim_folder(composed, flatten(plain_values(config)), job)
         # a task is imported when it runs: most take Lightning, which predictions do without
         with _quick_import():

@@ -1,9 +1,11 @@
 """Which checkpoint a run folder stands for, and that one process has it at a time."""
 
+import errno
 import json
 import os
 import signal
 import time
+from pathlib import Path
 
 import pytest
 
@@ -66,3 +68,31 @@ def test_a_folder_belongs_to_one_process_until_that_ends(tmp_path):
     os.waitpid(child, 0)
     with locked_folder(tmp_path / "run"):
         pass
+
+
+@pytest.mark.parametrize("number", [errno.ENOLCK, errno.EOPNOTSUPP])
+def test_a_file_system_without_locks_is_said_and_works(tmp_path, monkeypatch, caplog, number):
+    def no_lock(*_: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr("fcntl.flock", no_lock)
+    with locked_folder(tmp_path / "run"):
+        assert (tmp_path / "run").is_dir()
+    assert "lies on a file system without locks" in caplog.text
+
+
+def test_a_command_that_fails_at_once_leaves_no_empty_folders(cli):
+    for arguments in (["decision.pairs=-1"], ["data=folder", "data.root=/nowhere"]):
+        assert cli("model=haptic", *arguments).status == 2
+        assert list(Path.cwd().iterdir()) == []
+    Path("outputs/mine").mkdir(parents=True)
+    assert cli("model=haptic", "decision.pairs=-1").status == 2
+    assert list(Path.cwd().rglob("*")) == [Path.cwd() / "outputs", Path.cwd() / "outputs/mine"]
+
+
+def test_a_prediction_writes_nothing_where_it_runs(cli, bands, surfaces, monkeypatch):
+    monkeypatch.setattr("pathlib.Path.mkdir", lambda path, *_, **__: path.stat())  # refuses more
+    files = f"haptic=[{surfaces}/alpha/haptic/alpha_0.wav,{surfaces}/beta/haptic/beta_1.wav]"
+    outcome = cli("task=predict", f"checkpoint={bands}", files, "verbose=2")
+    assert (outcome.status, outcome.out.count("\n")) == (0, 2), outcome.err
+    assert list(Path.cwd().iterdir()) == []

@@ -16,6 +16,7 @@ TASKS = (
 READ_FILES = ("predict", "record", "stream")  # tasks that read files, by modality
 TRAINING = ("fit", "crossval")  # tasks that train one model
 SILENT = ("predict", "stream", "record", "generate", "export")  # tasks that leave no results.json
+NO_FOLDER = ("predict", "stream")  # tasks that write nothing at all
 OURS = ("threads", "tf32")  # of TrainerConfig, unknown to Lightning
 MAX_PAIRS = 1_000_000  # of fragments that FusionNet votes over
 

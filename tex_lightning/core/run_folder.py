@@ -1,9 +1,10 @@
 """The run folder: its owner, settings and overrides."""
 
+import errno
 import json
 import logging
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,8 @@ log = logging.getLogger(__name__)
 
 SETTINGS = "settings.json"
 LOCK = ".lock"  # held by the process that runs there; one that is killed lets go of it
+NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
+USUAL = ("outputs", "TASK", "MODEL-DATA", "TIME")  # folders that a run makes if it is given none
 WORK = ("checkpoints", "folds", "systems", "predictions", "results.json")
 
 # Settings that change neither weights nor figures; a run may be continued with others.
@@ -38,7 +41,7 @@ def holds_work(directory: Path) -> bool:
 
 @contextmanager
 def locked_folder(directory: Path, key: str = "hydra.run.dir") -> Iterator[None]:
-    """Lock a run folder against other processes.
+    """Lock a run folder against other processes, where its file system has locks.
 
     Args:
         directory: The folder; made if it does not exist.
@@ -56,11 +59,23 @@ def locked_folder(directory: Path, key: str = "hydra.run.dir") -> Iterator[None]
             f"Another process runs in {directory}; wait for its end or choose another {key}."
         ) from error
     except OSError as error:
-        raise unwritable(directory, error) from error
+        if error.errno not in NO_LOCKS:
+            raise unwritable(directory, error) from error
+        log.warning(
+            "Folder %s lies on a file system without locks (%s): start no other run in it before "
+            "this one ends.", directory, error.strerror,
+        )  # fmt: skip
     try:
         yield
     finally:
         lock.release()
+
+
+def remove_if_empty(directory: Path) -> None:
+    """Remove a run folder in its usual place, and those around it, as far as they hold nothing."""
+    with suppress(OSError):
+        for folder in (directory, *directory.parents[: len(USUAL) - 1]):
+            folder.rmdir()
 
 
 def claim_folder(composed: DictConfig, values: dict[str, Any], job: "Job") -> None:
