@@ -259,7 +259,7 @@ def read_signals(rows: Rows, keys: Sequence[str]) -> list[tuple[Array, float]]:
     """Return the samples (axes, samples) and rate in Hz of every recording, as ``keys`` decode."""
     decoder, signals = SignalDecoder(channels=configured(*keys).data.channels), []
     for row in rows:
-        trace, rate = read_trace(row.path, decoder, row.sampling_rate)
+        trace, rate, _ = read_trace(row.path, decoder, row.sampling_rate)
         signals.append((cut_part(trace, row.part, row.path), rate))
     return signals
 

@@ -1,7 +1,10 @@
 """Surface material classification from acceleration traces and photos."""
 
 import os
+import sys
 from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tex_lightning.errors import UserError
@@ -17,6 +20,9 @@ if TYPE_CHECKING:
     from tex_lightning.networks.fusionnet import FusionNet
     from tex_lightning.networks.hapticnet import HapticNet
     from tex_lightning.networks.visualnet import VisualNet
+
+if find_spec("tex_lightning_runtime") is None:  # a checkout that is not installed
+    sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 
 __version__ = "0.2.0"
 

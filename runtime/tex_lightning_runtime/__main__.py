@@ -11,7 +11,7 @@ from pathlib import Path
 from tex_lightning_runtime.recordings import UserError, require
 from tex_lightning_runtime.runtime import Runtime
 
-KNOWN = r"\.(wav|flac|npy|txt|csv|jpe?g|png|bmp|webp)$"
+KNOWN = r"\.(wav|flac|npy|txt|csv|tsv|lvm|jpe?g|png|bmp|webp)$"
 
 
 def main() -> int:

@@ -4,22 +4,24 @@ import math
 import re
 import warnings
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from tex_lightning_runtime.columns import Reading
+from tex_lightning_runtime.tables import SUFFIXES, read_table
+from tex_lightning_runtime.times import TableError
+
 Array = np.ndarray[Any, np.dtype[Any]]
 MIN_RATE, MAX_RATE = 19.0, 210_000.0  # Hz: 20 Hz to 200 kHz, by clocks that are not exact
 SAME_RATE = 0.005  # by which clocks of the same rate may differ; such samples stay as they are
 LARGEST = 1e9  # no unit of acceleration comes near; squares still fit float32
 MAX_SAMPLES = 1 << 29  # of a signal, 2 GiB of float32
-MAX_TEXT, MAX_LINE = 1 << 29, 1 << 20  # bytes of a file of text; letters of a line
 MAX_PIXELS, MAX_SIDE = 1 << 24, 1 << 12  # of a photo that is looked at, after halving
 FORMATS = ("JPEG", "PNG", "BMP", "WEBP")  # whatever a name says; libtiff is left alone
-ROW = re.compile(r"([;,\s]*[-+]?(\.?\d[\d._]*(e[-+]?\d+)?|nan|inf(inity)?)(?=[;,\s]|$))+", re.I)
-TIME = re.compile(r"(^|[,;#%\s])(time\w*|t|zeit|m?secs?|m?seconds?)([\W_]|$)", re.IGNORECASE)
 CUT = re.compile(r"data : (\d+) \(should be (\d+)\)")  # libsndfile's note of a truncated file
 REACH, BETA = 10, 5.0  # of SciPy's filter: samples of the lower rate on each side; Kaiser's window
 FLAT_SHARE, MIN_FLAT, FINE_VALUES = 0.01, 10, 32  # clipped from both on; fewer are coarse steps
@@ -149,21 +151,21 @@ def read_trace(
 
     The longer dimension is time, unless they are a chunk of a stream.
     """
-    name, own, usual = f"The {sense['what']}", None, sense["rate"]
-    table = _read(_read_table, given, sense)
+    name, own, usual, reading = f"The {sense['what']}", None, sense["rate"], None
+    table = _read(partial(_read_file, sense), given, sense)
     if isinstance(table, tuple):
-        (table, own), name, usual = table, given, sense["file_rate"]
+        (table, own, reading), name, usual = table, given, sense["file_rate"]
     trace = np.atleast_2d(table)
     trace = trace if is_chunk or len(trace) <= trace.shape[-1] else trace.T
     fits = table.dtype.kind in "fiu" and table.ndim in (1, 2) and trace.size
     require(fits, f"{name} is {table.dtype} {table.shape}; give samples (axes, samples).")
-    if (channels := sense["channels"]) is not None:
-        require(max(channels) < len(trace), f"{name} has {len(trace)} channels; give all of them.")
-        trace = trace[channels]
+    if reading is None:  # of a table they are chosen
+        trace = _chosen(trace, sense["channels"], name)
     usable = (np.abs(trace) < LARGEST).all(axis=0)  # false for NaN
     said = f"{name} holds NaN, infinity or a number beyond {LARGEST:g}"
     require(usable.all(), f"{said} at sample {usable.argmin()}; repair the recording.")
-    return trace.astype(np.float32 if own else np.float64), own or (usual if rate is None else rate)
+    kind = np.float32 if own and reading is None else np.float64  # as files have them
+    return trace.astype(kind), own or (usual if rate is None else rate)
 
 
 def _read(read: Any, given: Any, sense: dict[str, Any]) -> Any:
@@ -174,46 +176,42 @@ def _read(read: Any, given: Any, sense: dict[str, Any]) -> Any:
     try:
         with warnings.catch_warnings(action="ignore"):  # of metadata
             return read(file) if file else np.asarray(given)
+    except TableError as error:
+        raise UserError(f"{given} {error}.") from error
     except Exception as error:  # libraries raise in as many ways as there are formats
         name = given if file else f"The {sense['what']}"
         said = " ".join(str(error).split()).partition(". ")[0].rstrip(".")  # then comes advice
         raise UserError(f"{name} cannot be read ({said}); repair or replace it.") from error
 
 
-def _read_table(path: Path) -> tuple[Array, float | None]:
-    """Columns of a file, and of sounds their rate in Hz."""
+def _chosen(trace: Array, channels: list[int | str] | None, name: str) -> Array:
+    """Keep the axes of some numbers; without names there are just those that were asked for."""
+    numbers = [each for each in channels or () if isinstance(each, int)]
+    if channels is None or (len(numbers) < len(channels) == len(trace)):
+        return trace
+    fits = len(numbers) == len(channels) and max(numbers) < len(trace)
+    require(fits, f"{name} has {len(trace)} channels; give all of them.")
+    return trace[numbers]
+
+
+def _read_file(sense: dict[str, Any], path: Path) -> tuple[Array, float | None, Reading | None]:
+    """Samples of a file, their rate in Hz if it says it, and of tables how they were read."""
     axes, suffix = re.fullmatch(r"(.+_)[XYZ](_[^_]+)", path.name), path.suffix.lower()
     several = axes and sum(path.with_name(f"{axes[1]}{x}{axes[2]}").is_file() for x in "XYZ") > 1
     require(not several, "it is one axis of several files, make them columns of one")
+    if suffix in SUFFIXES:
+        return read_table(path, sense["channels"], sense.get("time_unit"))
     if suffix == ".npy":
         array = np.load(path, mmap_mode="r")  # which takes no memory for what a header claims
         require(np.size(array) <= MAX_SAMPLES, f"it has more than {MAX_SAMPLES:,} samples")
-        return np.array(array), None
-    if suffix in (".txt", ".csv"):
-        require(path.stat().st_size <= MAX_TEXT, "it is more than 512 MiB of text, save it as WAV")
-        name = "latin-1" if "\ufffd" in path.read_text("utf-8", "replace") else "utf-8-sig"
-        return _read_text(path.read_text(name).replace('"', "")), None
+        return np.array(array), None, None
     import soundfile
 
     with soundfile.SoundFile(path) as sound:  # which reads a truncated file without an error
         cut = CUT.search(sound.extra_info)  # a length from 0x7FFF0000 on was not known
         require(not (cut and int(cut[2]) < int(cut[1]) < 0x7FFF0000), "it is truncated")
         require(sound.frames * sound.channels <= MAX_SAMPLES, f"more than {MAX_SAMPLES:,} samples")
-        return sound.read(dtype="float32", always_2d=True), float(sound.samplerate)
-
-
-def _read_text(text: str) -> Array:
-    """One sample a line, columns apart by comma, semicolon or white space, perhaps with names."""
-    lines = [line for raw in text.splitlines() if (line := raw.strip().rstrip(";,\t "))]
-    require(max(map(len, lines), default=0) <= MAX_LINE, "it has a line of more than 1 MiB")
-    plain = [line for line in lines if line[0] not in "#%"]
-    data = next((plain[n:] for n, row in enumerate(plain[:3]) if ROW.fullmatch(row)), ["no number"])
-    mark = ";" if ";" in data[0] else "," if "," in data[0] else None
-    table = np.loadtxt(data, delimiter=mark, ndmin=2)  # refuses decimal commas
-    rising = len(table) > 7 and (np.diff(table[:, 0]) > 0).all()  # fewer may rise by chance
-    timed = rising or any(map(TIME.search, lines[: lines.index(data[0])]))
-    require(not timed or table.shape[1] == 1, "it has a column of time, delete it and give rate=HZ")
-    return table
+        return sound.read(dtype="float32", always_2d=True), float(sound.samplerate), None
 
 
 def _read_pixels(path: Path) -> Array:

@@ -56,7 +56,7 @@ def test_channels_are_chosen_by_number(tmp_path):
             SignalDecoder(channels=(0, 3)).decode(path)
     np.testing.assert_array_equal(as_trace(AXES.T, channels=(1, 2)), AXES[1:])
     for wrong in ((), (-1,), (0.5,), "first", (1, 1), (64,)):
-        with pytest.raises(UserError, match="give different numbers from 0 to 63, or null"):
+        with pytest.raises(UserError, match="different names of columns, numbers from 0 to 63"):
             SignalDecoder(channels=wrong)
 
 
@@ -113,18 +113,19 @@ def test_bad_traces_are_refused_with_a_reason(tmp_path):
     refuse("text.wav", b"hello", "cannot be read")
     refuse("cut.wav", wav(AXES.T)[:-400], "truncated: 400 of 4200 bytes")
     refuse("float.wav", wav(AXES.T, "FLOAT")[:-400], "truncated: 400 of 8400 bytes")
-    refuse("header.csv", b"x,y,z\n", "no numbers")
+    refuse("header.csv", b"x,y,z\n", "holds no numbers")
     refuse("blank.txt", b"\n\n", "no numbers")
     refuse("huge.npy", npy(np.array([0.0, 1e300])), "number beyond 1e.09 at sample 1")
     refuse("cut.npy", npy(AXES)[:-4], "cannot be read")
-    refuse("words.txt", b"1\n2\nthree\n", "cannot be read")
+    refuse("words.txt", b"1\nthree\n2\n3\n", "has 'three' at sample 1 in the column '1'")
     refuse("words.npy", npy(np.array(["a", "b"])), "instead of numbers")
     refuse("pickle.npy", npy(np.array([{}])), "cannot be read")
-    refuse("nan.txt", b"1\nnan\n3\n", "NaN, infinity or a number beyond 1e.09 at sample 1")
+    refuse("nan.txt", b"1\nnan\n3\n", "has no number in the column '1' at sample 1; repair")
+    refuse("inf.txt", b"1\ninf\n3\n", "NaN, infinity or a number beyond 1e.09 at sample 1")
     refuse("many.npy", npy(AXES[0, :650].reshape(65, 10).repeat(9, axis=1)), "1 to 64 channels")
     refuse("cube.npy", npy(np.zeros((2, 3, 4))), "1 to 64 channels")
     refuse("none.npy", npy(np.zeros((3, 0))), "1 to 64 channels")
-    refuse("trace.mp3", b"x", "unknown type; use .wav, .flac, .npy, .txt, .csv")
+    refuse("trace.mp3", b"x", "unknown type; use .wav, .flac, .npy, .txt, .csv, .tsv, .lvm")
     with pytest.raises(UserError, match="does not exist"):
         SIGNAL.decode(tmp_path / "nowhere.wav")
 
@@ -237,7 +238,7 @@ def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path, capfd):
 
 def test_more_than_anyone_records_is_refused(tmp_path, capfd, monkeypatch):
     monkeypatch.setattr("tex_lightning.data.traces.MAX_SAMPLES", 699)
-    monkeypatch.setattr("tex_lightning.data.traces.MAX_TEXT", 99)
+    monkeypatch.setattr("tex_lightning_runtime.plain_text.MAX_TEXT", 99)
     monkeypatch.setattr("tex_lightning.data.decode.MAX_SAMPLES", 1400)
     soundfile.write(tmp_path / "a.wav", AXES[0], 10_000)
     np.savetxt(tmp_path / "a.csv", AXES[0])

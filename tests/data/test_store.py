@@ -44,8 +44,8 @@ def test_decodes_each_file_once(store, surfaces, monkeypatch):
     def forbidden(*args):
         raise AssertionError("decoded twice")
 
-    monkeypatch.setattr(SignalDecoder, "decode", forbidden)
-    monkeypatch.setattr(PhotoDecoder, "decode", forbidden)
+    monkeypatch.setattr(SignalDecoder, "read", forbidden)
+    monkeypatch.setattr(PhotoDecoder, "read", forbidden)
     store.fill(rows)
     store.load(rows.of("haptic").rows[0])
 

@@ -97,7 +97,13 @@ TEXTS = {
     "a named time in ms": "time_ms,x\n" + "".join(f"{i / 8},{i * i % 7}\n" for i in range(20)),
     "units in a second line": "Time,a,b,c\ns,g,g,g\n"
     + "".join(f"{i / 1000},{i % 3},{i % 5},{-i}\n" for i in range(20)),
-    "an unnamed time": "".join(f"{i / 2000:.4f} {i % 4}\n" for i in range(20)),
+    "numbers that rise": "".join(f"{i / 2000:.4f} {i % 4} {-i}\n" for i in range(20)),
+    "a position": "position_mm,x,y\n" + "".join(f"{i / 2000},{i % 4},{-i}\n" for i in range(20)),
+    "counter, label": "packet,x,label\n" + "".join(f"{i},{i % 7},2\n" for i in range(20)),
+    "an index": ",x\n" + "".join(f"{i},{i % 7}\n" for i in range(20)),
+    "quoted decimal commas": "x,y,z\n" + "".join(f'"0,{i}5","1,5","{i},2"\n' for i in range(9, 30)),
+    "milliseconds since 1970": "timestamp,x\n"
+    + "".join(f"{1772359200000 + 8 * i},{i % 3}\n" for i in range(50)),
     "lost samples": "t (s),x\n" + "".join(f"{i / 500},{i % 6}\n" for i in range(30) if i != 9),
     "a trailing delimiter": "1,2,3,\n4,5,6,\n7,8,9,\n0,0,1,\n",
 }
@@ -129,7 +135,7 @@ def test_sounds_arrays_and_tables_are_read_as_by_the_package(node, tmp_path):
         paths=[str(path) for path in paths],
     )
     for path, (rate, axes) in zip(paths, signals, strict=True):
-        samples, expected = read_samples(path)
+        samples, expected, _ = read_samples(path)
         assert rate == expected, path.name
         axes = np.asarray(axes, samples.dtype)
         np.testing.assert_allclose(axes, samples, rtol=1e-15, err_msg=path.name)

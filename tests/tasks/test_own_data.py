@@ -55,7 +55,8 @@ def stamp(folder: Path) -> None:
     """Give the files of a folder times at 2.5 kHz."""
     for path in folder.glob("*.txt"):
         samples = np.loadtxt(path)
-        np.savetxt(path, np.stack([np.arange(len(samples)) / 2500, samples]).T)
+        columns = np.stack([np.arange(len(samples)) / 2500, samples]).T
+        np.savetxt(path, columns, header="time x")
 
 
 def results(tmp_path: Path, name: str = "run") -> dict:

@@ -7,6 +7,7 @@ from tex_lightning.config.keys import SEED, key
 
 HERTZ = {"range": "[20, 200000]", "unit": "Hz"}
 HOUR = {"range": "(0, 3600]", "unit": "s"}
+TIME_UNITS = ("s", "ms", "us", "ns", "min", "h", "d")
 FORMATS = ("float32", "text")  # of samples, little-endian
 PIXELS = {"range": "[32, 8192]", "unit": "pixels"}  # of a rendered photo
 
@@ -65,8 +66,15 @@ class DataConfig(Folding):
     file_rate: float | None = key(
         "rate of traces without one; null: sampling_rate, or 10 kHz", default=None, **HERTZ
     )
-    channels: list[int] | None = key(
-        "channels of traces that are kept, counted from 0; null: all", "[0, 63]", default=None
+    channels: list[Any] | None = key(
+        "channels of traces that are kept: names of columns, or numbers from 0; null: all",
+        "[0, 63]",
+        default=None,
+    )
+    time_unit: str | None = key(
+        "unit of times in tables, such as ms; null: what name or row of units says",
+        choices=TIME_UNITS,
+        default=None,
     )
     half_scale: bool = key("halve photos; false for photos under a megapixel")
     resize: int | None = key("side of square photos", "[1, 8192]", unit="pixels", default=None)

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +30,8 @@ from tex_lightning.data.traces import (
     read_samples,
 )
 from tex_lightning.errors import UserError, reason
+from tex_lightning_runtime.columns import Channels, Reading
+from tex_lightning_runtime.times import UNITS
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 IMAGE_FORMATS = ("JPEG", "PNG", "BMP", "TIFF", "WEBP")  # whatever a name says; EPS starts a program
@@ -37,11 +39,20 @@ MAX_PIXELS, MAX_SIDE = 1 << 24, 1 << 12  # of a photo that is kept, after halvin
 LARGEST = 1e9  # no unit of acceleration comes near; squares still fit float32
 SAME_RATE = 0.005  # by which clocks of the same rate may differ; such samples stay as they are
 RATE_TOLERANCE = 0.01  # by which a rate that is stated may differ from that of a column of time
+ASSUMED = "an assumption"
 MIN_RATE, MAX_RATE = 19.0, 210_000.0  # Hz: 20 Hz to 200 kHz, by clocks that are not exact
 RATES = f"[{MIN_RATE:g}, {MAX_RATE:g}]"
 Array = npt.NDArray[Any]
 Trace = npt.NDArray[np.float32]
 Photo = npt.NDArray[np.uint8]
+
+
+class Decoded(NamedTuple):
+    """Samples or pixels of a file, the rate of its samples in Hz, and how it was read."""
+
+    array: Array
+    rate: float | None = None
+    reading: Reading | None = None  # of signals
 
 
 @dataclass(frozen=True)
@@ -51,13 +62,17 @@ class SignalDecoder:
     Attributes:
         sampling_rate: Rate in Hz that every signal is brought to.
         file_rate: Rate in Hz of signals whose file and reader give none.
-        channels: Channels of a sound, or columns of a table beside its time, that are kept, counted
-            from 0; None keeps all.
+        channels: Channels of a sound, or columns of a table beside its time, that are kept: names,
+            or numbers counted from 0; None keeps all.
+        time_unit: Unit of times in tables that do not say it, such as ``ms``.
+        assumes: Whether nobody has given ``file_rate``.
     """
 
     sampling_rate: Annotated[float, RATES] = 10_000.0
     file_rate: Annotated[float, RATES] = 10_000.0
-    channels: tuple[int, ...] | None = None
+    channels: tuple[int | str, ...] | None = None
+    time_unit: str | None = None
+    assumes: bool = False
 
     suffixes: ClassVar[tuple[str, ...]] = TRACE_SUFFIXES
     unit: ClassVar[str] = "s"
@@ -66,8 +81,12 @@ class SignalDecoder:
     def __post_init__(self) -> None:
         if self.channels is not None and not _are_channels(self.channels):
             raise UserError(
-                f"data.channels is {self.channels!r}; give different numbers from 0 to "
-                f"{MAX_AXES - 1}, or null."
+                f"data.channels is {self.channels!r}; give different names of columns, numbers "
+                f"from 0 to {MAX_AXES - 1}, or null."
+            )
+        if self.time_unit is not None and self.time_unit not in UNITS:
+            raise UserError(
+                f"data.time_unit is {self.time_unit!r}; choose ms, us, ns, s, min, h, d or null."
             )
 
     def decode(self, path: Path, rate: float | None = None) -> tuple[Trace, float]:
@@ -85,12 +104,30 @@ class SignalDecoder:
             UserError: If the file is missing, empty, damaged, of another shape, or holds NaN, or if
                 it states another rate.
         """
-        samples, source = read_trace(path, self, rate)
-        return to_rate(samples, source, self.sampling_rate, f"Trace {path}"), source
+        array, source, _ = self.read(path, rate)
+        assert source is not None
+        return array, source
 
-    def assuming(self, rate: float | None) -> Self:
-        """Return the decoder for files at another rate in Hz than in training; None for theirs."""
-        return self if rate is None else replace(self, file_rate=rate)
+    def read(self, path: Path, rate: float | None = None) -> Decoded:
+        """Decode a trace, and return how its file was read, too; see :meth:`decode`."""
+        samples, source, reading = read_trace(path, self, rate)
+        trace = to_rate(samples, source, self.sampling_rate, f"Trace {path}")
+        return Decoded(trace, source, reading)
+
+    def assuming(
+        self,
+        rate: float | None,
+        channels: Channels = None,
+        time_unit: str | None = None,
+    ) -> Self:
+        """Return the decoder for files of another rate in Hz or other columns than in training.
+
+        None leaves what it was.
+        """
+        given = self if rate is None else replace(self, file_rate=rate, assumes=False)
+        if channels is not None:
+            given = replace(given, channels=tuple(channels))
+        return given if time_unit is None else replace(given, time_unit=time_unit)
 
     def extent(self, array: Array) -> float:
         """Return the length of a signal in :attr:`unit`."""
@@ -144,6 +181,10 @@ class PhotoDecoder:
             ) from error
         return self.scale(photo, f"Image {path}"), None
 
+    def read(self, path: Path, rate: float | None = None) -> Decoded:
+        """Decode a photo; see :meth:`decode`."""
+        return Decoded(self.decode(path)[0])
+
     def scale(self, photo: Photo, name: str) -> Photo:
         """Halve or resize a photo (height, width, 3).
 
@@ -161,8 +202,10 @@ class PhotoDecoder:
             photo = halve(photo)
         return _middle(photo)
 
-    def assuming(self, rate: float | None) -> Self:
-        """Return the decoder itself; photos have no rate."""
+    def assuming(
+        self, rate: float | None, channels: Channels = None, time_unit: str | None = None
+    ) -> Self:
+        """Return the decoder itself; photos have neither rate nor columns."""
         return self
 
     def extent(self, array: Array) -> float:
@@ -191,28 +234,41 @@ def check_decoding(where: str, medium: str, settings: Mapping[str, Any]) -> None
 
 
 def _are_channels(channels: Sequence[Any]) -> bool:
-    numbers = {number for number in channels if type(number) is int and 0 <= number < MAX_AXES}
-    return 0 < len(numbers) == len(channels)
+    kept = {
+        each
+        for each in channels
+        if (type(each) is int and 0 <= each < MAX_AXES) or (isinstance(each, str) and each)
+    }
+    return not isinstance(channels, str) and 0 < len(kept) == len(channels)
 
 
-def read_trace(
-    path: Path, settings: SignalDecoder, rate: float | None = None
-) -> tuple[npt.NDArray[np.floating], float]:
-    """Read a trace as it stands in its file: samples (axes, samples) and their rate in Hz.
+class SourceSignal(NamedTuple):
+    """Samples (axes, samples) of a file, their rate in Hz, and how the file was read."""
+
+    samples: npt.NDArray[np.floating]
+    rate: float
+    reading: Reading
+
+
+def read_trace(path: Path, settings: SignalDecoder, rate: float | None = None) -> SourceSignal:
+    """Read a trace as it stands in its file.
 
     The rate is the file's own, else the stated one, else the assumed ``data.file_rate``. Arguments
     and errors are those of :meth:`SignalDecoder.decode`.
     """
-    samples, source = read_once(read_samples, path, settings.channels)
+    samples, source, reading = read_once(read_samples, path, settings.channels, settings.time_unit)
     check_samples(samples, f"Trace {path}")
+    if source is None and rate is not None:
+        return SourceSignal(samples, rate, replace(reading, rate_from="the manifest or reader"))
     if source is None:
-        return samples, settings.file_rate if rate is None else rate
+        said = f"{ASSUMED} (data.file_rate=HZ gives it)" if settings.assumes else "data.file_rate"
+        return SourceSignal(samples, settings.file_rate, replace(reading, rate_from=said))
     if rate is not None and not math.isclose(source, rate, rel_tol=RATE_TOLERANCE):
         raise UserError(
             f"Trace {path} has {source:,.6g} Hz by its header or column of time, but {rate:,.6g} "
             "Hz by the manifest or reader; correct or remove one of them."
         )
-    return samples, source
+    return SourceSignal(samples, source, reading)
 
 
 def to_rate(trace: npt.NDArray[np.floating], source: float, target: float, name: str) -> Trace:
@@ -245,7 +301,7 @@ def rate_ratio(source: float, target: float, name: str) -> Fraction:
         raise UserError(
             f"{name} has a sampling rate of {source:g} Hz, too far from {target:g} Hz: rates are "
             "20 Hz to 200 kHz; correct it (data.file_rate where it is assumed; a column of time "
-            "that is not in seconds is called time_ms or time_us)."
+            "that is not in seconds is called time_ms, or has its data.time_unit)."
         )
     same = math.isclose(source, target, rel_tol=SAME_RATE)
     return Fraction(1 if same else target / source).limit_denominator(10_000)
@@ -289,7 +345,7 @@ def check_samples(trace: npt.NDArray[np.floating], name: str, place: int = 0) ->
 def as_trace(
     samples: Any,  # noqa: ANN401  (what NumPy can read)
     key: str = "haptic",
-    channels: Sequence[int] | None = None,
+    channels: Channels = None,
     *,
     is_chunk: bool = False,
 ) -> npt.NDArray[np.floating]:

@@ -126,7 +126,7 @@ def _own_rate(data: DataConfig, model: ModelConfig) -> float:
     rows = [row for row in recordings if row.modality in channels]
     spread = rows[:: max(1, len(rows) // LOOKED_AT)]
     looked_at = {row.path: row for row in (*{row.label: row for row in rows}.values(), *spread)}
-    rates = (_rate(row, data.file_rate, channels[row.modality]) for row in looked_at.values())
+    rates = (_rate(row, data, channels[row.modality]) for row in looked_at.values())
     rate = max(rates, default=PAPERS_RATE)
     if not MIN_RATE <= rate < PAPERS_RATE:
         return PAPERS_RATE
@@ -137,12 +137,12 @@ def _own_rate(data: DataConfig, model: ModelConfig) -> float:
     return max(rate, 20.0)  # of a clock that is not exact
 
 
-def _rate(row: Recording, assumed: float | None, channels: list[int] | None) -> float:
+def _rate(row: Recording, data: DataConfig, channels: list[int | str] | None) -> float:
     """Return the rate of one trace in Hz; 0 if it cannot be read, which is reported later."""
     kept = None if channels is None else tuple(channels)
-    decoder = SignalDecoder(PAPERS_RATE, assumed or PAPERS_RATE, kept)
+    decoder = SignalDecoder(PAPERS_RATE, data.file_rate or PAPERS_RATE, kept, data.time_unit)
     try:
-        _, source = read_trace(row.path, decoder, row.sampling_rate)
+        source = read_trace(row.path, decoder, row.sampling_rate).rate
     except UserError:
         return 0.0
     return round(source, 3)
@@ -154,11 +154,11 @@ def _level_overrides(data: DataConfig, model: ModelConfig) -> Iterator[str]:
         sense = model.sense(name)
         rate: float = sense.decode.get("sampling_rate") or data.sampling_rate or PAPERS_RATE
         if sense.features.get("levels", 0) is None and rate < SLOW_RATE:
-            channels = sense.decode.get("channels")
-            decoder = SignalDecoder(rate, rate, channels and tuple(channels))
+            channels, unit = (sense.decode.get(key) for key in ("channels", "time_unit"))
+            decoder = SignalDecoder(rate, rate, channels and tuple(channels), unit)
             for row in read_recordings(data, [sense.modality]).of(sense.modality):
                 try:
-                    trace, _ = read_trace(row.path, decoder, row.sampling_rate)
+                    trace = read_trace(row.path, decoder, row.sampling_rate).samples
                 except UserError:  # said later of all together, or left out by data.skip_bad
                     continue
                 yield f"model.{name}.features.levels={len(trace)}"

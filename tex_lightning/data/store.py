@@ -9,8 +9,10 @@ sees half an array and two processes that decode the same file do no harm.
 import hashlib
 import json
 import os
+import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
 from threading import Lock
@@ -25,12 +27,13 @@ from torch import Tensor
 from tex_lightning.core.console import suppress_warnings
 from tex_lightning.core.devices import in_threads
 from tex_lightning.core.files import require_file, resolved, write_atomically
-from tex_lightning.data.decode import Decoder
+from tex_lightning.data.decode import Decoded, Decoder
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.kept import forget_traces
 from tex_lightning.data.recordings import Recording, cut_part
 from tex_lightning.data.traces import axis_files
 from tex_lightning.errors import UserError, reason
+from tex_lightning_runtime.columns import Reading
 
 MAX_LINES = 20
 
@@ -56,12 +59,11 @@ def skipped_entry(unusable: Iterable[Unusable]) -> list[dict[str, str]]:
 
 
 DIGITS = 32  # of a digest; checkpoints keep one for each recording
-LAYOUT = 8  # of an entry: what an earlier version decoded otherwise is decoded anew
+LAYOUT = 9  # of an entry: what an earlier version decoded otherwise is decoded anew
 UNREADABLE = (OSError, ValueError, EOFError)  # not there yet, or damaged by a full disk
-RATE_BYTES = 136  # of a number as .npy, which stands behind the array of a trace
+SIZE = struct.Struct("<Q")  # of what is told of a trace, at the end of its entry
 HEADERS = Lock()  # Python 3.11 parses one in two threads at once with a SystemError
 T = TypeVar("T")
-Decoded = tuple[npt.NDArray[Any], float | None]
 
 
 def cache_root(configured: str | None) -> Path:
@@ -136,6 +138,10 @@ class Store:
         """Return the sampling rate of a trace's file in Hz."""
         return self._read(recording, _read_rate)
 
+    def reading(self, recording: Recording) -> Reading:
+        """Return how the file of a trace was read."""
+        return self._read(recording, _read_reading)
+
     def _read(self, recording: Recording, read: Callable[[Path], T]) -> T:
         """Read from the entry of a recording, which is made if the cache has no whole one."""
         entry = self._entry(recording)
@@ -161,7 +167,7 @@ class Store:
             return np.array(_map(path))
         array = compute()
         with suppress(UserError):  # a cache that can only be read
-            write_atomically(path, lambda partial: _save(partial, array, None))
+            write_atomically(path, lambda partial: _save(partial, Decoded(array)))
         return array
 
     def fill(self, recordings: Iterable[Recording]) -> list[Unusable]:
@@ -210,29 +216,43 @@ class Store:
 
     def _decode(self, recording: Recording) -> Decoded:
         decoder = self.decoders[recording.modality]
-        array, rate = decoder.decode(recording.path, recording.sampling_rate)
-        return cut_part(array, recording.part, recording.path), rate
+        decoded = decoder.read(recording.path, recording.sampling_rate)
+        return decoded._replace(array=cut_part(decoded.array, recording.part, recording.path))
 
     def _write(self, entry: Path, decoded: Decoded) -> None:
         try:
-            write_atomically(entry, lambda path: _save(path, *decoded))
+            write_atomically(entry, lambda path: _save(path, decoded))
         except UserError as error:
             raise _unwritable(self.root.parent, error.__cause__) from error
 
 
-def _save(path: Path, array: npt.NDArray[Any], rate: float | None) -> None:
-    """Write the array and, in the same file, the rate of a trace."""
+def _save(path: Path, decoded: Decoded) -> None:
+    """Write the array and, in the same file, the rate of a trace and how it was read."""
     with path.open("wb") as stream:
-        np.save(stream, array, allow_pickle=False)
-        if rate is not None:
-            np.save(stream, np.array([rate], np.float64), allow_pickle=False)
+        np.save(stream, decoded.array, allow_pickle=False)
+        if decoded.reading is not None:
+            told = json.dumps({"rate": decoded.rate, **asdict(decoded.reading)}).encode()
+            stream.write(told + SIZE.pack(len(told)))
+
+
+def _told(entry: Path) -> dict[str, Any]:
+    """Read what is told of a trace behind its array."""
+    with entry.open("rb") as stream:
+        end = stream.seek(-SIZE.size, os.SEEK_END)
+        (size,) = SIZE.unpack(stream.read())
+        stream.seek(max(0, end - size))
+        told: dict[str, Any] = json.loads(stream.read(min(size, end)))
+    return told
 
 
 def _read_rate(entry: Path) -> float:
-    with entry.open("rb") as stream:
-        stream.seek(-RATE_BYTES, os.SEEK_END)
-        (rate,) = np.load(stream, allow_pickle=False).tolist()
-    return float(rate)
+    return float(_told(entry)["rate"])
+
+
+def _read_reading(entry: Path) -> Reading:
+    told = _told(entry)
+    lists = {name: tuple(told[name]) for name in ("axes", "left_out", "notes")}
+    return Reading(rate_from=told["rate_from"], **lists)
 
 
 def _map(entry: Path) -> npt.NDArray[Any]:

@@ -75,6 +75,7 @@ def _sense(sense: Sense, card: Card) -> dict[str, Any]:
         "rate": decoder.sampling_rate,
         "file_rate": decoder.file_rate,
         "channels": None if decoder.channels is None else list(decoder.channels),
+        "time_unit": decoder.time_unit,
         "axes": AXES,
         "too_short": f"The {sense.what} has less movement than {needed}one fragment takes; record "
         "a longer stroke.",

@@ -206,8 +206,10 @@ class Predictor:
     ) -> dict[str, tuple[Tensor, Quality]]:
         """Return decoded recordings by modality, and what is wrong with them."""
         decoded: dict[str, tuple[Tensor, Quality]] = {}
-        rate = self.config.data.file_rate if rate is None else rate
-        how = {"rate": rate, "colour": colour}
+        data = self.config.data
+        rate = data.file_rate if rate is None else rate
+        how: dict[str, Any] = {"rate": rate, "colour": colour}
+        how |= {"channels": data.channels, "time_unit": data.time_unit}
         for sense in self.classifier.senses.values():
             name = sense.modality
             if name in inputs and name not in decoded:

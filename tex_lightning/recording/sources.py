@@ -197,7 +197,7 @@ def _open_serial(library: Any, port: str, baud: int) -> Iterator[Read]:  # noqa:
 def _recorded_file(path: Path, name: str, key: str, rate: int | None) -> Source:
     """Read a recording as ``task=predict`` does; its rate has to be known."""
     unknown = SignalDecoder(file_rate=math.nan)
-    samples, source = read_trace(path, unknown, rate)
+    samples, source, _ = read_trace(path, unknown, rate)
     if math.isnan(source):
         raise _no_rate(name, key)
     return Source(round(source), lambda: (piece for piece in [samples.astype("float32")]))

@@ -1,5 +1,6 @@
 """The sense whose recordings are signals: traces of acceleration, sounds, forces."""
 
+import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
@@ -9,6 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from tex_lightning.core.console import log_once
 from tex_lightning.core.progress import track
 from tex_lightning.data.banks import InputBank
 from tex_lightning.data.decode import Array, SignalDecoder, as_trace, read_trace, to_rate
@@ -19,7 +21,9 @@ from tex_lightning.errors import UserError
 from tex_lightning.perturbations.table import Augmentation
 from tex_lightning.senses.base import Change, Sense, as_tensor
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
+from tex_lightning_runtime.columns import Channels
 
+log = logging.getLogger(__name__)
 EXAMPLE_SECONDS = 4
 
 
@@ -37,9 +41,13 @@ class SignalSense(Sense):
     @classmethod
     def make_decoder(cls, decode: Mapping[str, Any]) -> SignalDecoder:
         """Make the decoder; files without a rate have the one that all are brought to."""
-        rate, channels = decode["sampling_rate"], decode.get("channels")
-        chosen = None if channels is None else tuple(channels)
-        return SignalDecoder(rate, decode.get("file_rate") or rate, chosen)
+        rate, channels, unit = (
+            decode["sampling_rate"],
+            decode.get("channels"),
+            decode.get("time_unit"),
+        )
+        chosen, given = None if channels is None else tuple(channels), decode.get("file_rate")
+        return SignalDecoder(rate, given or rate, chosen, unit, assumes=given is None)
 
     @property
     def spectrogram(self) -> SpectrogramFeatures | None:
@@ -152,15 +160,25 @@ class SignalSense(Sense):
         ranges: Ranges,
         *,
         rate: float | None = None,
+        channels: Channels = None,
+        time_unit: str | None = None,
         **_: Any,  # noqa: ANN401
     ) -> tuple[Tensor, Quality]:
-        """Decode a file or samples; ``rate`` in Hz is that of samples and of files without one."""
+        """Decode a file or samples, and say once of files that agree how they were read.
+
+        ``rate`` in Hz is that of samples and of files without one; ``channels`` and ``time_unit``
+        are other ones than the checkpoint's.
+        """
+        decoder = self.decoder.assuming(rate, channels, time_unit)
         if isinstance(recording, str | Path):
-            path, assumed = Path(recording).expanduser(), rate or self.decoder.file_rate
-            raw, source = read_trace(path, self.decoder.assuming(assumed))
+            path = Path(recording).expanduser()
+            raw, source, reading = read_trace(path, decoder)
             name = f"Trace {path}"
+            log_once(log, f"Reads {plural(self.modality)}: {reading.said(source)}.")
+            for note in reading.notes:
+                log.warning("%s: %s.", path, note)
         else:
-            raw, name = as_trace(recording, self.modality, self.decoder.channels), self.modality
+            raw, name = as_trace(recording, self.modality, decoder.channels), self.modality
             source = self.decoder.sampling_rate if rate is None else rate
         return self.resample(raw, source, ranges, name)
 

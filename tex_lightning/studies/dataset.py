@@ -1,7 +1,7 @@
 """Open a data set: recordings and store, decoded and checked."""
 
 import logging
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -29,7 +29,9 @@ from tex_lightning.evaluation.conditions import Bins, condition_bins
 from tex_lightning.senses.base import Sense
 from tex_lightning.studies.leaks import refuse_leak
 from tex_lightning.text import printable_lines
+from tex_lightning_runtime.columns import Reading
 
+MAX_KINDS, MAX_NOTES = 5, 5  # ways of reading, and notes of files, that the opening lists
 log = logging.getLogger(__name__)
 SHOWN = 3  # parts that lack classes
 
@@ -194,7 +196,7 @@ def open_test_data(data: DataConfig, classifier: SurfaceClassifier, who: str) ->
 def open_store(data: DataConfig, classifier: SurfaceClassifier) -> Store:
     """Open a store that decodes recordings with a checkpoint's settings."""
     decoders = {
-        sense.modality: sense.decoder.assuming(data.file_rate)
+        sense.modality: sense.decoder.assuming(data.file_rate, data.channels, data.time_unit)
         for sense in classifier.senses.values()
     }
     return Store(cache_root(data.cache_dir), decoders)
@@ -233,6 +235,7 @@ def show_opening(
     warnings = [*rows.notes, *dataset.absences(divisions)]
     for modality in modalities:
         warnings += rate_warnings(rows.of(modality), dataset.store)
+        warnings += reading_notes(rows.of(modality), dataset.store)
     for text in warnings:
         log.warning("%s", text)
     if Screen.verbose == QUIET:
@@ -250,6 +253,8 @@ def show_opening(
         sizes = [dataset.store.extent(row) for row in signals]
         size = _spread(sizes, decoder.unit, decoder.precision)
         show(title, f"{len(signals)}; {size}; {_spread([*counts.values()], '', 'd')} of a class")
+        for text in readings(signals, dataset.store):
+            show("Reads", text)
     if divisions:
         show("Folds", _folds(divisions))
     show("Trains" if divisions else "Tests", what)
@@ -289,3 +294,30 @@ def rate_warnings(signals: Recordings, store: Store) -> list[str]:
         f"Hz of others, {rates[slowest]:,.6g} Hz in {slowest.path.name}, and nothing above half of "
         f"it: record all at one rate, or set data.sampling_rate={rates[slowest]:g}."
     ]
+
+
+def readings(signals: Recordings, store: Store) -> list[str]:
+    """Say how files of signals were read: once for all that agree, those of most files first."""
+    if not isinstance(store.decoders[signals.rows[0].modality], SignalDecoder):
+        return []
+    rates: dict[Reading, list[float]] = defaultdict(list)
+    first: dict[Reading, str] = {}
+    for row in signals:
+        kind = replace(store.reading(row), notes=())
+        rates[kind].append(store.rate(row))
+        first.setdefault(kind, row.path.name)
+    said = []
+    for kind, values in sorted(rates.items(), key=lambda each: -len(each[1]))[:MAX_KINDS]:
+        some = "" if len(rates) == 1 else f"{len(values)} as {first[kind]}: "
+        said.append(some + kind.said(*sorted({min(values), max(values)})))
+    more = len(rates) - MAX_KINDS
+    return [*said, f"and in {more} more ways"] if more > 0 else said
+
+
+def reading_notes(signals: Recordings, store: Store) -> list[str]:
+    """Say what was skipped or filled in which file."""
+    if not isinstance(store.decoders[signals.rows[0].modality], SignalDecoder):
+        return []
+    notes = [f"{row.path}: {note}." for row in signals for note in store.reading(row).notes]
+    more = [f"And {len(notes) - MAX_NOTES} more such notes."] if len(notes) > MAX_NOTES else []
+    return notes[:MAX_NOTES] + more

@@ -1,5 +1,6 @@
 """Classify a recording while it goes on: one JSON object per chunk on standard output."""
 
+import logging
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,7 +12,7 @@ import numpy.typing as npt
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
-from tex_lightning.core.console import print_line
+from tex_lightning.core.console import log_once, print_line
 from tex_lightning.data.decode import check_samples, read_trace
 from tex_lightning.errors import UserError
 from tex_lightning.inference.prediction import Prediction
@@ -25,6 +26,7 @@ KEYS = (
 )  # fmt: skip
 PIPE = "-"
 
+log = logging.getLogger(__name__)
 Chunk = npt.NDArray[np.floating]
 
 
@@ -74,8 +76,12 @@ def _open(config: Config, sense: SignalSense, file: str) -> tuple[float, Iterato
         rate = config.data.file_rate or sense.decoder.sampling_rate
         size = max(1, round(config.stream.chunk * rate))
         return rate, _from_standard_input(config.stream.axes, size)
-    decoder = replace(sense.decoder.assuming(config.data.file_rate), channels=None)  # not yet
-    trace, rate = read_trace(Path(file).expanduser(), decoder)
+    data = config.data
+    decoder = sense.decoder.assuming(data.file_rate, data.channels, data.time_unit)
+    if decoder.channels and all(isinstance(each, int) for each in decoder.channels):
+        decoder = replace(decoder, channels=None)  # not yet; names are those of the file
+    trace, rate, reading = read_trace(Path(file).expanduser(), decoder)
+    log_once(log, f"Reads {reading.said(rate)}.")
     size = max(1, round(config.stream.chunk * rate))
     return rate, (trace[:, i : i + size] for i in range(0, trace.shape[1], size))
 

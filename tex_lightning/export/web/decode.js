@@ -23,33 +23,34 @@ export const SIGNAL_FILES = ".wav,.csv,.txt,.npy";
  */
 export function readSignal(name, buffer, sense) {
   try {
-    const { channels, rate } = readChannels(name, buffer);
-    return { axes: checked(choose(channels, sense.channels)), rate };
+    const { channels, rate } = readChannels(name, buffer, sense.channels);
+    return { axes: checked(TEXT.test(name) ? channels : choose(channels, sense.channels)), rate };
   } catch (error) {
     if (error instanceof InputError) throw new InputError(`${name} cannot be read: ${error.message}.`);
     throw error;
   }
 }
 
-function readChannels(name, buffer) {
+function readChannels(name, buffer, chosen) {
   if (WAV.test(name)) return parseWav(buffer);
   if (NPY.test(name)) return { channels: parseNpy(buffer), rate: null };
-  if (TEXT.test(name)) return readText(buffer);
+  if (TEXT.test(name)) return readText(buffer, chosen);
   throw new InputError("its type is unknown; give WAV, CSV, text or NPY");
 }
 
-function readText(buffer) {
-  const { channels, rate } = parseTable(buffer);
+function readText(buffer, chosen) {
+  const { channels, rate } = parseTable(buffer, chosen);
   const length = channels[0].length;
   if (length > channels.length || rate !== null) return { channels, rate };
   const rows = Array.from({ length }, (_, i) => Float64Array.from(channels, (column) => column[i]));
   return { channels: rows, rate }; // few lines, with a sample a column
 }
 
-/** Keep the numbered channels, counted from 0; null keeps all. */
+/** Keep the numbered channels, counted from 0; null keeps all, and names are those of as many. */
 function choose(channels, numbers) {
-  if (numbers === null) return channels;
-  const last = Math.max(...numbers);
+  const named = numbers?.some((each) => typeof each === "string");
+  if (numbers === null || (named && numbers.length === channels.length)) return channels;
+  const last = named ? numbers.join(", ") : Math.max(...numbers);
   if (last < channels.length) return numbers.map((number) => channels[number]);
   throw new InputError(
     `it has ${channels.length} channels, and the network reads channel ${last}, counted from 0`,

@@ -1,24 +1,24 @@
-// Signals in text files, as data/traces.py reads them.
+// Signals in text files, of what tex_lightning_runtime reads the plain kinds; others are refused.
 
 import { InputError } from "./errors.js";
+import { reasonAgainst } from "./columns.js";
 import { separateTime } from "./time.js";
 
 /**
  * Read the columns of a text file.
  *
  * @param {ArrayBuffer} buffer - The file.
+ * @param {(number | string)[] | null} chosen - Numbers of axes, from 0, or names; null is all.
  * @returns {{channels: Float64Array[], rate: number | null}} rate in Hz where a column of time
  *   gives it.
  */
-export function parseTable(buffer) {
+export function parseTable(buffer, chosen) {
   const { above, data } = divide(decodeText(buffer));
   if (data.length === 0) throw new InputError("it holds no numbers");
   const [delimiter, decimalComma] = dialect(data);
   const columns = readNumbers(data, delimiter, decimalComma);
-  const names = above
-    .map((line) => cells(line, delimiter))
-    .filter((each) => each.length === columns.length);
-  return separateTime(columns, names);
+  const names = findNames(above, delimiter, columns);
+  return separateTime(columns, names, chosen, reasonAgainst);
 }
 
 function decodeText(buffer) {
@@ -35,11 +35,13 @@ function decodeText(buffer) {
 /** Lines of words above the numbers, without marks of comments, and lines of numbers. */
 function divide(text) {
   const found = { above: [], data: [] };
-  for (const raw of text.replaceAll('"', "").split(/\r\n|[\n\r]/)) {
+  const plain = text.replace(/\0+$/, "").replace(/"([-+]?\d+),(\d+)"/g, "$1.$2");
+  for (const raw of plain.replaceAll('"', "").split(/\r\n|[\n\r]/)) {
     const line = raw.trim().replace(/[;,\t ]+$/, "");
     if (!line) continue;
     if (found.data.length === 0 && !isNumbers(line)) {
-      found.above.push(line.replace(/^[#% \t]+/, ""));
+      const comment = /^[#%]/.test(line);
+      found.above.push({ line: line.replace(/^[#% \t]+/, ""), comment });
     } else if (!/^[#%]/.test(line)) {
       found.data.push(line);
     }
@@ -84,6 +86,29 @@ function readNumbers(data, delimiter, decimalComma) {
     throw new InputError(`its line ${odd + 1} of numbers has ${rows[odd].length} columns, not ${count}`);
   }
   return Array.from({ length: count }, (_, column) => Float64Array.from(rows, (row) => row[column]));
+}
+
+/** Names and units of the columns, in rows; none if the file has no names. */
+function findNames(above, delimiter, columns) {
+  const rows = [];
+  for (const { line, comment } of above.toReversed()) {
+    const row = cells(line, delimiter);
+    if (row.length === columns.length) rows.unshift(row);
+    else if (rows.length > 0) break;
+    else if (!comment && (row.length > 1 || columns.length === 2)) {
+      throw new InputError(`it has ${row.length} names and ${columns.length} columns`);
+    }
+  }
+  const numbered = columns.every((column, index) => column[0] === index) && columns.length > 1;
+  if (rows.length === 0 && (numbered || (delimiter === "," && inDoubt(columns)))) {
+    throw new InputError("it has no line of names, and may have decimal commas; give one");
+  }
+  return rows;
+}
+
+/** Whether two columns of whole numbers may be one with decimal commas. */
+function inDoubt(columns) {
+  return columns.length === 2 && columns.every((column) => column.every(Number.isInteger));
 }
 
 /** The cells of a line of names, which may be divided otherwise than the numbers. */

@@ -1,62 +1,62 @@
-// The column of time of a table: it gives the rate and never becomes an axis (data/traces.py).
+// The column of time of a table: it gives the rate and never becomes an axis.
 
+import { isTime, secondsOf } from "./columns.js";
 import { InputError } from "./errors.js";
 
-const TIMES = ["time", "timestamp", "t", "zeit", "sec", "seconds", "milliseconds"];
-const UNITS = [
-  [1, ["s", "sec", "secs", "second", "seconds", ...TIMES.slice(0, 4)]],
-  [1e-3, ["ms", "msec", "millisecond", "milliseconds"]],
-  [1e-6, ["us", "\u03bcs", "usec", "microsecond", "microseconds"]],
-];
-const SECONDS = new Map(UNITS.flatMap(([unit, names]) => names.map((name) => [name, unit])));
-const MIN_RISING = 8; // samples; fewer numbers may rise by chance
 const EVEN = 0.01; // of a step, up to which samples stay as they are
 const MISSING = 2.5; // steps, above which samples are missing
 const MAX_FILLED = 2; // times as many samples, beyond which most would be made up
+const RATES = [19, 210_000]; // Hz, that a signal may have
+const EPOCHS = [1, 1e-3, 1e-6, 1e-9]; // seconds of one, since 1970
 
 /**
- * Take the column of time out of a table and derive the rate from it.
+ * Take the axes out of a table and derive the rate from its column of time.
  *
  * @param {Float64Array[]} columns
- * @param {string[][]} names - Rows of names and units of the columns.
+ * @param {string[][]} rows - Names of the columns, and perhaps units; none without names.
+ * @param {(number | string)[] | null} chosen - Numbers of axes or names; null is all.
+ * @param {(name: string, values: Float64Array, index: number) => string | null} reasonAgainst
  * @returns {{channels: Float64Array[], rate: number | null}}
  */
-export function separateTime(columns, names) {
-  const found = findTime(names, columns);
-  if (found === null) return { channels: columns, rate: null };
-  const others = columns.filter((_, index) => index !== found.index);
-  return evenSamples(columns[found.index], others, found.unit);
+export function separateTime(columns, rows, chosen, reasonAgainst) {
+  const [names, units] = [rows[0] ?? null, rows[1] ?? []];
+  const numbers = [...columns.keys()];
+  const time = names === null ? undefined : numbers.find((i) => isTime(names[i], columns[i]));
+  const others = numbers.filter(
+    (i) =>
+      names === null ||
+      chosen?.includes(names[i]) ||
+      (!isTime(names[i], columns[i]) && reasonAgainst(names[i], columns[i], i) === null),
+  );
+  const axes = choose(columns, others, names, chosen);
+  if (time === undefined) return { channels: axes, rate: null };
+  return evenSamples(seconds(columns[time], names[time], units[time] ?? ""), axes);
 }
 
-/** Index and unit in seconds of the column of time; units may stand below the names. */
-function findTime(names, columns) {
-  for (const [place, row] of names.entries()) {
-    const said = row.map(words);
-    const found = said.flatMap((each, index) => (TIMES.includes(each[0]) ? [index] : []));
-    if (found.length > 1) throw new InputError(`it has ${found.length} columns of time; keep one`);
-    for (const index of found) {
-      const below = words(names[place + 1]?.[index] ?? "");
-      const unit = [said[index].slice(1), below, said[index]].find((each) => each.length).at(-1);
-      if (!SECONDS.has(unit)) {
-        throw new InputError(
-          `its column ${JSON.stringify(row[index])} has an unknown unit; call it time_s, ` +
-            "time_ms or time_us",
-        );
-      }
-      return { index, unit: SECONDS.get(unit) };
-    }
+function choose(columns, others, names, chosen) {
+  if (others.length === 0) throw new InputError("it has no column of measured numbers");
+  if (chosen === null) return others.map((index) => columns[index]);
+  return chosen.map((each) => {
+    const index = typeof each === "number" ? others[each] : (names ?? []).indexOf(each);
+    if (index >= 0) return columns[index];
+    throw new InputError(`it has no channel ${each}, which the network reads`);
+  });
+}
+
+/** Times in seconds since the first. */
+function seconds(values, name, unit) {
+  const moment = EPOCHS.find((each) => values[0] * each > 9e8 && values[0] * each < 4.2e9);
+  const known = secondsOf(name, unit) ?? moment ?? null;
+  const span = values.at(-1) - values[0];
+  const rate = (values.length - 1) / Math.abs(span);
+  if (known === null && (/[([/]/.test(name) || rate < RATES[0] || rate > RATES[1])) {
+    throw new InputError(`its column of time ${JSON.stringify(name)} has no known unit; call it time_ms`);
   }
-  if (columns.length < 2 || columns[0].length < MIN_RISING) return null;
-  return differences(columns[0]).every((step) => step > 0) ? { index: 0, unit: 1 } : null;
-}
-
-function words(name) {
-  const letters = name.toLowerCase().replaceAll("\u00b5", "\u03bc"); // micro sign, Greek mu
-  return letters.match(/\p{L}+/gu) ?? [];
+  return values.map((value) => (value - values[0]) * (known ?? 1));
 }
 
 /** Bring samples to even steps, of the mean length of all that are no gaps. */
-function evenSamples(times, axes, unit) {
+function evenSamples(times, axes) {
   const steps = differences(times);
   const fall = steps.findIndex((step) => !(step > 0));
   if (steps.length === 0 || fall >= 0) {
@@ -66,7 +66,7 @@ function evenSamples(times, axes, unit) {
   const gaps = steps.filter((each) => each > MISSING * middle);
   const span = times.at(-1) - times[0];
   const step = (span - gaps.reduce((sum, each) => sum + each, 0)) / (steps.length - gaps.length);
-  const rate = 1 / (step * unit);
+  const rate = 1 / step;
   if (steps.every((each) => Math.abs(each - middle) <= EVEN * middle)) {
     return { channels: axes, rate };
   }

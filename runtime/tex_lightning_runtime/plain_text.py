@@ -1,0 +1,131 @@
+"""Files of text to plain UTF-8: one encoding, one kind of line end, no comments, no decoration."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+from tex_lightning_runtime.times import TableError
+
+MAX_TEXT, MAX_LINE = 1 << 29, 1 << 20  # bytes of a file; of a line
+HEAD = 1 << 18  # bytes in which the numbers begin
+BINARY = {
+    b"PK\x03\x04": "an Excel workbook or another archive",
+    b"\xd0\xcf\x11\xe0": "an Excel workbook",
+    b"RIFF": "a sound",
+    b"fLaC": "a sound",
+    b"\x93NUMPY": "an array of NumPy",
+    b"%PDF": "a PDF",
+    b"MATLAB 5": "a file of MATLAB",
+    b"\x89HDF": "an HDF5 file",
+}
+UTF = {  # by the mark at the beginning
+    b"\xef\xbb\xbf": "utf-8-sig",
+    b"\xff\xfe\x00\x00": "utf-32",
+    b"\x00\x00\xfe\xff": "utf-32",
+    b"\xff\xfe": "utf-16",
+    b"\xfe\xff": "utf-16",
+}
+WESTERN = {*"°µ²³·äöüÄÖÜßéèêàçñóúíáã±´’–×§"}  # letters of units and names, read as cp1252
+COMMENT = re.compile(rb"(?m)^[ \t]*(?:#|%|//).*(?:\n|\Z)")
+ARROW = re.compile(  # of monitors of serial ports: 10:00:00.001 -> 0.1
+    rb"(?m)^[ \t]*\[?((?:[\d./-]+[ T])?\d{1,2}:\d\d:\d\d(?:[.,:]\d+)?)"
+    rb"(?:\][ \t]*(?:->)?|[ \t]*[-=]?>)[ \t]*"
+)
+PAIR = re.compile(  # name:number or name=number, as plotters of serial ports read them
+    rb"(?m)(?:^|(?<=[\s,;|{]))[\"']?([A-Za-z_\x80-\xff][\w.\x80-\xff/()^-]*)[\"']?"
+    rb"[ \t]*[:=][ \t]*(?=[-+]?\.?\d)"
+)
+
+
+def read_plain(path: Path) -> bytes:
+    r"""Return the content of a file of text in UTF-8, with lines that end in ``\n``.
+
+    Raises:
+        TableError: If it is no text, or too much.
+    """
+    check_size(path)
+    content = path.read_bytes()
+    for start, kind in BINARY.items():
+        if content.startswith(start):
+            raise TableError(f"is {kind} by its content and no text; export it as CSV")
+    content = _utf8(content).rstrip(b"\0\x1a")
+    if b"\0" in content:
+        line = content[: content.index(b"\0")].count(b"\n") + 1
+        raise TableError(f"has NUL bytes in line {line}, as power failures leave; cut them out")
+    if b"\r" in content:
+        content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    return content
+
+
+def check_size(path: Path) -> None:
+    """Reject a file that would take all memory, before it is read."""
+    if (size := path.stat().st_size) > MAX_TEXT:
+        raise TableError(f"is {size:,} bytes of text, more than {MAX_TEXT:,}; save it as WAV")
+    with path.open("rb") as stream:
+        while len(content := stream.read(MAX_LINE)) == MAX_LINE:
+            if b"\n" not in content and b"\r" not in content:
+                raise TableError("has a line of more than 1 MiB; give one sample a line")
+
+
+def _utf8(content: bytes) -> bytes:
+    """Return the content in UTF-8, without a mark at its beginning."""
+    for mark, encoding in UTF.items():
+        if content.startswith(mark):
+            if encoding == "utf-8-sig":
+                return content[len(mark) :]
+            return content.decode(encoding, "ignore").encode()  # it may end within a letter
+    if b"\0" in content.rstrip(b"\0"):
+        return content.decode(_detected(content[: HEAD // 16]), "ignore").encode()
+    try:
+        content.decode()
+    except UnicodeDecodeError:
+        lines = [line for line in content[:HEAD].splitlines() if not line.isascii()]
+        told = b"\n".join(lines)  # numbers would hide what the letters are
+        western = {*told.decode("cp1252", "replace")} - WESTERN
+        encoding = _detected(told) if any(not each.isascii() for each in western) else "cp1252"
+        return content.decode(encoding, "replace").encode()
+    return content
+
+
+def _detected(content: bytes) -> str:
+    from chardet import detect
+
+    return detect(content)["encoding"] or "cp1252"
+
+
+def without_comments(content: bytes) -> bytes:
+    """Drop the lines that begin as comments do."""
+    marked = any(mark in content for mark in (b"#", b"%", b"//"))  # much quicker than to search
+    return COMMENT.sub(b"", content) if marked else content
+
+
+def without_arrows(content: bytes, mark: bytes) -> bytes:
+    """Make the clock time before every line of a monitor's log a column of its own."""
+    return ARROW.sub(rb"\1" + mark, content)
+
+
+def has_arrows(lines: list[bytes]) -> bool:
+    """Return whether nearly all lines begin with a clock time and an arrow."""
+    return _most(lines, lambda line: ARROW.match(line) is not None)
+
+
+def pair_names(lines: list[bytes]) -> list[str]:
+    """Return the names of the numbers, if nearly all lines hold ``name:number``; else none."""
+    if not _most(lines, lambda line: PAIR.search(line) is not None):
+        return []
+    return [name.decode() for name in PAIR.findall(lines[len(lines) // 2])]
+
+
+def without_names(content: bytes, names: list[str]) -> bytes:
+    """Drop the names before all numbers, which have to be the same in all lines."""
+    found = PAIR.findall(content)
+    for number, name in enumerate(names):
+        if {*found[number :: len(names)]} != {name.encode()}:
+            raise TableError(
+                f"does not have {', '.join(names)} in every line; write the same numbers in each"
+            )
+    return re.sub(rb"[{}\"']", b"", PAIR.sub(b"", content))
+
+
+def _most(lines: list[bytes], fits: Callable[[bytes], bool]) -> bool:
+    return bool(lines) and sum(map(fits, lines)) > 0.8 * len(lines)

@@ -1,0 +1,151 @@
+"""Signals in files of text as people and programs write them, to samples (axes, samples).
+
+Separator and quotes are found by clevercsv, an unusual encoding by chardet; numbers and times are
+read by pandas. :mod:`.columns` says what a column means. The libraries are loaded with
+the first table.
+"""
+
+import re
+import warnings
+from dataclasses import replace
+from importlib import import_module
+from io import BytesIO
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tex_lightning_runtime.columns import Array, Channels, Column, Reading, separate
+from tex_lightning_runtime.layout import (
+    MISSING,
+    NUMBER,
+    QUANTITY,
+    Layout,
+    find_layout,
+    mismatch,
+)
+from tex_lightning_runtime.plain_text import read_plain
+from tex_lightning_runtime.times import STAMP, TableError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SUFFIXES = (".txt", ".csv", ".tsv", ".lvm")
+FIELDS = re.compile(r"Expected (\d+) fields in line (\d+), saw (\d+)")
+BLANKS = r"[\s'’\u00a0\u202f]"  # in numbers of many digits
+
+
+def read_table(path: Path, channels: Channels = None, time_unit: str | None = None) -> "Table":
+    """Read the axes out of a table of samples, one a line.
+
+    Args:
+        path: A file of text.
+        channels: Which axes are kept: numbers from 0, or names of columns; None keeps all.
+        time_unit: Unit of times that are numbers, such as ``ms``; None takes the table's.
+
+    Returns:
+        Samples (axes, samples) float64, their rate in Hz (None if the file does not state it), and
+        how they were read.
+
+    Raises:
+        TableError: If the file is no table, or what it means is in doubt.
+        ModuleNotFoundError: If the libraries are not there.
+    """
+    pandas = _library("pandas")
+    _library("clevercsv")
+    content, layout = find_layout(read_plain(path))
+    frame = _parse(pandas, content, layout)
+    if layout.names is None and len(frame) < len(frame.columns):  # an axis a line
+        frame = frame.T.infer_objects()
+    columns = _columns(frame, layout)
+    samples, rate, reading = separate(columns, channels, time_unit, layout.rate)
+    return samples, rate, replace(reading, notes=(*layout.notes, *reading.notes))
+
+
+Table = tuple[Array, float | None, Reading]
+
+
+def _library(name: str) -> ModuleType:
+    try:
+        return import_module(name)
+    except ModuleNotFoundError as error:
+        raise TableError(
+            f"is a table, which takes {error.name}: pip install 'tex_lightning_runtime[tables]', "
+            "or give WAV or .npy"
+        ) from error
+
+
+def _parse(pandas: ModuleType, content: bytes, layout: Layout) -> "pd.DataFrame":
+    try:
+        with warnings.catch_warnings(action="ignore"):  # of cells of text between numbers
+            frame = pandas.read_csv(
+                BytesIO(content), header=None, sep=layout.pandas_separator, quotechar=layout.quote,
+                decimal=layout.decimal, thousands=layout.thousands, na_values=[*MISSING],
+                dtype=layout.words, skipinitialspace=True,
+            )  # fmt: skip
+    except pandas.errors.ParserError as error:
+        if found := FIELDS.search(str(error)):
+            number = int(found[2]) + layout.first_line - 1
+            raise TableError(
+                f"has {found[3]} columns in line {number} and {found[1]} before; correct that line"
+            ) from error
+        raise
+    except pandas.errors.EmptyDataError as error:
+        raise TableError("holds no numbers; give one sample a line") from error
+    if frame.iloc[-1].isna().all():
+        frame = frame[: frame.notna().any(axis=1).to_numpy().nonzero()[0].max(initial=-1) + 1]
+    return frame
+
+
+def _columns(frame: "pd.DataFrame", layout: Layout) -> list[Column]:
+    """Return the columns that hold anything, with their names.
+
+    Raises:
+        TableError: If there are not as many names as columns.
+    """
+    empty = [not frame[n].notna().iloc[0] and not frame[n].notna().any() for n in frame]
+    names, count = layout.names, len(frame.columns)
+    while count and empty[count - 1] and (names is None or not "".join(names[count - 1 :])):
+        count -= 1  # separators at the ends of lines
+    if names is not None:
+        while len(names) > count and names[-1].casefold() in ("", "comment"):
+            names = names[:-1]
+        if len(names) != count:
+            raise mismatch(len(names), count)
+    columns = []
+    for number in range(count):
+        if not empty[number]:
+            name = str(number + 1) if names is None else names[number]
+            unit = layout.units[number] if number < len(layout.units) else ""
+            values, fault = _numbers(frame[number])
+            columns.append(Column(name, unit, values, names is not None, number == 0, fault))
+    return columns
+
+
+def _numbers(cells: "pd.Series[Any]") -> tuple["pd.Series[Any]", str]:
+    """Return numbers in place of cells that pandas left as text, if all are such.
+
+    Returns:
+        Numbers, or else text, and a cell that is no number where others are.
+    """
+    if cells.dtype.kind in "iuf":
+        return cells, ""
+    import pandas as pd
+
+    first = str(cells[cells.first_valid_index()])
+    if STAMP.fullmatch(first.strip()):
+        return cells.astype(str), ""
+    codes, values = pd.factorize(cells)  # each cell of text once
+    text = pd.Series(values, dtype=str).str.strip()
+    plain = text.str.replace(BLANKS, "", regex=True).str.replace(",", ".", regex=False)
+    if (found := QUANTITY.fullmatch(first)) and not NUMBER.fullmatch(first):  # a unit in every cell
+        plain = plain.str.removesuffix(found["unit"])
+    numbers = pd.to_numeric(plain, errors="coerce")
+    if not numbers.isna().any():
+        every = np.append(numbers.to_numpy(np.float64), np.nan)  # the last one is of no code
+        return pd.Series(every[codes]), ""
+    if not text.str.match(r"[-+]?\.?\d").any():
+        return cells, ""
+    wrong = numbers.isna().to_numpy().argmax()
+    return cells, f"{text[wrong]!r} at sample {(codes == wrong).argmax()}"

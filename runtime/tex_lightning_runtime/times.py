@@ -1,0 +1,173 @@
+"""Times of samples as programs write them: to seconds, and samples to even steps.
+
+Times are numbers of a unit, or stamps: ISO dates, dates of other countries, clock times.
+"""
+
+import re
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = np.ndarray[Any, np.dtype[Any]]
+UNITS: dict[str, float] = {  # in seconds
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds", "sekunden"), 1.0),
+    **dict.fromkeys(("ms", "msec", "msecs", "millis", "millisec", "millisecond"), 1e-3),
+    **dict.fromkeys(("milliseconds", "millisekunden"), 1e-3),
+    **dict.fromkeys(("us", "\u03bcs", "usec", "usecs", "micros", "microsec"), 1e-6),
+    **dict.fromkeys(("microsecond", "microseconds", "mikrosekunden"), 1e-6),
+    **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanosec", "nanosecs"), 1e-9),
+    **dict.fromkeys(("nanosecond", "nanoseconds"), 1e-9),
+    **dict.fromkeys(("min", "mins", "minute", "minutes", "minuten"), 60.0),
+    **dict.fromkeys(("h", "hr", "hrs", "hour", "hours"), 3600.0),
+    **dict.fromkeys(("d", "day", "days"), 86_400.0),
+    **{"с": 1.0, "сек": 1.0, "мс": 1e-3, "мкс": 1e-6, "秒": 1.0, "毫秒": 1e-3, "微秒": 1e-6},
+}
+SHORT = ("s", "ms", "us", "ns", "min", "h", "d")  # what a message proposes
+EPOCH = (9e8, 4.2e9)  # seconds since 1970: 1998 to 2103
+RATES = (19.0, 210_000.0)  # Hz, that a signal may have
+DAY = 86_400.0
+EVEN = 0.01  # of a step, up to which samples stay as they are
+MISSING = 2.5  # steps, above which samples are missing; times rounded to few digits reach 2
+LARGE_GAP = 10  # steps, from which on it is said
+MAX_FILLED = 2  # times as many samples, beyond which most of a recording would be made up
+MAX_DRIFT = 0.05  # of the duration, by which repeated times may lie beside even ones
+DATE = r"(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4})"
+CLOCK = r"\d{1,4}:\d{2}(?::\d{2})?(?:[.,:]\d+)?"
+ZONE = r"(?:\s*(?:[AaPp]\.?[Mm]\.?|Z|UTC|GMT|[-+]\d{2}(?::?\d{2})?))*"
+STAMP = re.compile(rf"(?:{DATE}(?:[T\s,]\s*{CLOCK}{ZONE})?|{CLOCK}{ZONE})")
+ONLY_DATE = re.compile(DATE)
+
+
+class TableError(ValueError):
+    """What is wrong with a table, and the remedy: a predicate that follows the name of its file."""
+
+
+class Even(NamedTuple):
+    """Samples (axes, samples) at even steps, their rate in Hz, and what there is to say."""
+
+    samples: Array
+    rate: float
+    said: str = ""  # of the rate
+    notes: tuple[str, ...] = ()
+
+
+def stamp_seconds(stamps: "pd.Series[str]") -> Array:
+    """Return the seconds since the first of dates and clock times, which may pass midnight.
+
+    Raises:
+        ValueError: If pandas cannot read them.
+    """
+    import pandas as pd
+
+    text = stamps if stamps.iloc[0] == stamps.iloc[0].strip() else stamps.str.strip()
+    if "," in text.iloc[0]:
+        text = text.str.replace(r",(?=\d+\D*$)", ".", regex=True)  # of seconds
+    if re.match(r"\d{4}-", text.iloc[0]):
+        moments = pd.to_datetime(text, format="ISO8601", utc=True)
+        return np.asarray((moments - moments.iloc[0]).dt.total_seconds(), np.float64)
+    return _clock_seconds(text)
+
+
+def _clock_seconds(text: "pd.Series[str]") -> Array:
+    """Read clock times, perhaps behind dates: only differences count, of less than half a turn."""
+    import pandas as pd
+
+    turn = DAY / 2 if re.search(r"[AaPp]\.?[Mm]", text.iloc[0]) else DAY
+    text = text.str.extract(rf"({CLOCK}){ZONE}$", expand=False)
+    first = str(text.iloc[0])
+    if re.fullmatch(r"\d+:\d\d:\d\d:\d+", first):  # 10:00:00:500
+        text = text.str.replace(r":(?=\d+$)", ".", regex=True)
+    elif not re.match(r"\d+:\d\d:", first):  # minutes and seconds, as Excel shows them
+        text = "00:" + text
+    seconds = np.asarray(pd.to_timedelta(text).dt.total_seconds(), np.float64) % turn
+    begun = np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -turn / 2)
+    return np.asarray(seconds - seconds[0] + turn * begun)
+
+
+def number_seconds(values: Array, unit: float | None, name: str) -> Array:
+    """Return times in seconds since the first of numbers.
+
+    Without a unit, moments since 1970 have the one that puts them into this century, and others
+    are seconds if that gives the rate of a signal.
+
+    Args:
+        values: Numbers; whole ones are subtracted exactly.
+        unit: Seconds of one, if it is known.
+        name: Column, for the message.
+
+    Raises:
+        TableError: If the unit has to be asked for.
+    """
+    since = np.asarray(values - values[0], np.float64)
+    if unit is None:
+        first = float(values[0])
+        unit = next((u for u in (1.0, 1e-3, 1e-6, 1e-9) if EPOCH[0] < first * u < EPOCH[1]), None)
+    if unit is None:
+        steps = np.diff(since)  # gaps and repetitions apart
+        step = float(np.median(steps) or steps.mean()) if len(steps) else 0.0
+        if step and not RATES[0] <= 1 / abs(step) <= RATES[1]:
+            raise ask_unit(name, f"which rises by {step:.6g} a sample, has no unit")
+        unit = 1.0
+    return since * unit
+
+
+def ask_unit(name: str, fault: str) -> TableError:
+    """Return the error for a column of time whose unit is not known."""
+    return TableError(
+        f"has the column of time {name!r}, {fault}; give data.time_unit=ms (or "
+        f"{', '.join(u for u in SHORT if u != 'ms')}), or call it time_ms"
+    )
+
+
+def even_samples(times: Array, samples: Array) -> Even:
+    """Interpolate samples (axes, samples) linearly at even steps.
+
+    The step is the mean of all that are no gaps: times are often rounded to few digits, so that
+    their median is none. Times that are so coarse that they repeat give the rate alone.
+
+    Raises:
+        TableError: If the times do not rise, or most samples are missing.
+    """
+    steps = np.diff(times)
+    if not len(steps) or times[-1] <= times[0] or not (steps >= 0).all():
+        raise TableError(
+            f"has times that do not rise at sample {int(np.argmin([*(steps >= 0), False])) + 1}; "
+            "correct them, or delete that column and give data.file_rate"
+        )
+    if not (steps > 0).all():
+        return _repeated(times, samples)
+    gaps = steps > MISSING * np.median(steps)
+    step = float(steps[~gaps].mean())
+    count = round(float(times[-1] - times[0]) / step) + 1
+    largest, notes = float(steps.max()), tuple[str, ...]()
+    if count > MAX_FILLED * len(times):
+        raise TableError(
+            f"has times with gaps of up to {largest / step:,.0f} steps, so that most samples are "
+            "missing; divide it there, or delete that column and give data.file_rate"
+        )
+    if largest > LARGE_GAP * step:
+        notes = (
+            f"gaps in its times, the largest of {largest:.3g} s after sample {steps.argmax()}, are "
+            "filled with straight lines",
+        )
+    if (np.abs(steps - step) > EVEN * step).any():
+        grid = times[0] + np.arange(count) * step
+        samples = np.stack([np.interp(grid, times, axis) for axis in samples])
+    return Even(samples, 1 / step, "", notes)
+
+
+def _repeated(times: Array, samples: Array) -> Even:
+    """Take samples for even whose times are rounded to more than a step, or are of arrival."""
+    places = np.arange(len(times)) - (len(times) - 1) / 2
+    step = float(places @ times / (places @ places))
+    drift = np.abs(times - times.mean() - step * places).max()
+    rises = np.diff(times)
+    if drift > max(MAX_DRIFT * (times[-1] - times[0]), 1.5 * rises[rises > 0].min()):
+        raise TableError(
+            f"has times that repeat at sample {int(np.argmin(rises)) + 1} and leave gaps "
+            "elsewhere; correct them, or delete that column and give data.file_rate"
+        )
+    return Even(samples, 1 / step, f", which repeat within {rises.max():.3g} s")

@@ -1,0 +1,438 @@
+"""Tables as people and programs write them, against the numbers they were written from."""
+
+import csv
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tex_lightning_runtime.tables import read_table
+from tex_lightning_runtime.times import TableError
+
+RATE, COUNT = 2000, 240
+RNG = np.random.default_rng(0)
+AXES = RNG.uniform(-1, 1, (3, COUNT)).round(5)
+TIMES = np.arange(COUNT) / RATE
+BEGIN = datetime(2026, 3, 1, 23, 59, 59, 950_000, tzinfo=UTC)  # passes midnight
+MOMENTS = [BEGIN + timedelta(seconds=time) for time in TIMES.tolist()]
+NUMBERS = range(COUNT)
+SHARED = Path(__file__).parents[3] / "shared" / "data" / "tables"
+
+
+def column(values, form="{:.5f}"):
+    return [form.format(value) for value in values]
+
+
+X, Y, Z = map(column, AXES)
+XYZ = (X, Y, Z)
+COMMAS = [[cell.replace(".", ",") for cell in each] for each in XYZ]
+
+
+def table(*columns, mark=",", names="", end="\n", comma=False, quote=False):
+    """Text of columns of cells below a line of names."""
+    cells = [[c.replace(".", ",") for c in each] if comma else each for each in columns]
+    cells = [[f'"{c}"' for c in each] if quote else each for each in cells]
+    return names + "".join(mark.join(row) + end for row in zip(*cells, strict=True))
+
+
+def clock(form, digits=6, begin=0):
+    return [each.strftime(form)[: digits - 6 or None] for each in MOMENTS[begin:]]
+
+
+def times(scale=1.0, form="{:.6f}", start=0.0):
+    return column(TIMES * scale + start, form)
+
+
+def at(scale):
+    """Times since 1970 as whole numbers."""
+    return [str(1_772_359_200 * int(scale) + int(i * scale) // RATE) for i in NUMBERS]
+
+
+COUNTER = column(NUMBERS, "{}")
+WORDS = ["walk"] * COUNT
+PHYPHOX = '"Time (s)","Acceleration x (m/s^2)","Acceleration y (m/s^2)","Acceleration z (m/s^2)"\n'
+LVM = (
+    "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\n"
+    "Multi_Headings\tNo\nX_Columns\tOne\nTime_Pref\tRelative\nDate\t2026/03/01\nTime\t10:00:00.1\n"
+    "***End_of_Header***\t\n\t\nChannels\t3\t\t\t\nSamples\t240\t240\t240\t\nY_Unit_Label\tg\tg\tg\t\n"
+    "X_Dimension\tTime\tTime\tTime\t\nX0\t0.0\t0.0\t0.0\t\nDelta_X\t0.0005\t0.0005\t0.0005\t\n"
+    "***End_of_Header***\t\t\t\t\nX_Value\tAcc X\tAcc Y\tAcc Z\tComment\n"
+)
+PROSE = "Recorded by tool A, in Munich, on a Monday\nSerial: 12, 13, 14\n\n"
+
+UNITS = {
+    "ms": 1e3, "(ms)": 1e3, "us": 1e6, "µs": 1e6, "\u03bcs": 1e6, "[ns]": 1e9, "ns": 1e9, "s": 1,
+    "sec": 1, "seconds": 1, "min": 1 / 60, "minutes": 1 / 60, "msec": 1e3,
+}  # fmt: skip
+
+# text, and the rate in Hz that it states
+READ = {
+    # dialects
+    "semicolons": (table(*XYZ, mark=";", names="x;y;z\n"), None),
+    "semicolons, decimal commas": (table(*XYZ, mark=";", comma=True, names="x;y;z\n"), None),
+    "tabs, decimal commas": (table(*XYZ, mark="\t", comma=True), None),
+    "blanks": (table(*XYZ, mark=" "), None),
+    "several blanks": (table(*XYZ, mark="   ", names="x y z\n"), None),
+    "blanks, decimal commas": (table(*XYZ, mark=" ", comma=True), None),
+    "aligned": ("".join("".join(f"{v:12.5f}" for v in row) + "\n" for row in AXES.T), None),
+    "commas and blanks": (table(*XYZ, mark=", ", names="x, y, z\n"), None),
+    "bars": (table(*XYZ, mark=" | ", names="x | y | z\n"), None),
+    "quoted": (table(*XYZ, quote=True, names='"x","y","z"\n'), None),
+    "quoted, decimal commas": (table(*XYZ, quote=True, comma=True, names="x,y,z\n"), None),
+    "quoted, semicolons": (table(*XYZ, mark=";", quote=True, comma=True, names="x;y;z\n"), None),
+    "sep=": ("sep=;\n" + table(*XYZ, mark=";", comma=True, names="x;y;z\n"), None),
+    "separators at the ends": (table(*XYZ, end=",\n", names="x,y,z,\n"), None),
+    "separators at the ends, no names": (table(*XYZ, mark=";", end=";;\n"), None),
+    "empty rows of a spreadsheet": (table(*XYZ, names="x,y,z\n") + ",,\n" * 5, None),
+    "empty lines": (table(*XYZ, end="\n\n", names="\n\nx,y,z\n\n"), None),
+    "CRLF": (table(*XYZ, end="\r\n", names="x,y,z\r\n"), None),
+    "CR": (table(*XYZ, end="\r", names="x,y,z\r"), None),
+    "exponents": (table(*(column(axis, "{:.9E}") for axis in AXES), names="x,y,z\n"), None),
+    "name:number": (
+        "".join(f"x:{a},y:{b},z:{c}\n" for a, b, c in zip(*XYZ, strict=True)), None
+    ),
+    "name=number": (
+        "".join(f"x={a} y={b} z={c}\r\n" for a, b, c in zip(*XYZ, strict=True)), None
+    ),
+    "name: number, tabs": (
+        "ready\n" + "".join(f"x: {a}\ty: {b}\tz: {c}\n" for a, b, c in zip(*XYZ, strict=True)), None
+    ),
+    "lines of JSON": (
+        "".join(f'{{"x": {a}, "y": {b}, "z": {c}}}\n' for a, b, c in zip(*XYZ, strict=True)), None
+    ),
+    "a unit in every cell": (table(*([f"{c} g" for c in each] for each in XYZ)), None),
+    # what stands above and below
+    "prose": (PROSE + table(*XYZ, names="x,y,z\n"), None),
+    "prose, as many words": ("Tool A, Munich, Monday\n" + table(*XYZ, names="x,y,z\n"), None),
+    "prose, no names": ("Tool A\n-----\n" + table(*XYZ), None),
+    "comments": (
+        "# tool A\n% lab, 3, b\n// c\n" + table(*XYZ, end="\n# d\n", names="x,y,z\n"), None
+    ),
+    "names in a comment": ("# lab 3\n# x y z\n" + table(*XYZ, mark=" "), None),
+    "units": (table(*XYZ, names="x,y,z\nm/s²,m/s²,m/s²\n"), None),
+    "units in brackets": (table(*XYZ, names="x;y;z\n[g];[g];[g]\n", mark=";"), None),
+    "levels of pandas": (table(COUNTER, *XYZ, names=",acc,acc,acc\n,x,x,z\n"), None),
+    "names that repeat": (table(*XYZ, names="a,a,a\n"), None),
+    "numbered columns": (table(*XYZ, names="0,1,2\n"), None),
+    "numbered columns and index": (table(COUNTER, *XYZ, names=",0,1,2\n"), None),
+    "a footer": (table(*XYZ, names="x,y,z\n") + "\n--- end ---\nSamples: 240\n", None),
+    "a number of samples": (f"{COUNT * 1000}\n" + table(*XYZ), None),
+    "a rate": ("2000\n" + table(*XYZ), RATE),
+    "fs=": ("fs=2000\n" + table(*XYZ, names="x,y,z\n"), RATE),
+    "# rate:": ("# rate: 2000 Hz\n" + table(*XYZ), RATE),
+    "kHz": ("Sampling rate (kHz);2\n" + table(*XYZ, mark=";", comma=True, names="x;y;z\n"), RATE),
+    "Abtastrate": ("Abtastrate: 2.000,0 Hz\n".replace(".", "") + table(*XYZ), RATE),
+    "sample interval": ('"Sample Interval",5.00E-4,s\n' + table(*XYZ, names="x,y,z\n"), RATE),
+    "period in µs": ("# sampling period: 500 µs\n" + table(*XYZ), RATE),
+    # columns that are no axes
+    "packet": (table(column(np.arange(COUNT) // 3, "{}"), *XYZ, names="packet,x,y,z\n"), None),
+    "counter of a byte": (
+        table(column(np.arange(COUNT) % 256, "{}"), *XYZ, names="PacketCounter,x,y,z\n"), None
+    ),
+    "index that missed some": (
+        table(column(np.arange(COUNT) + (np.arange(COUNT) > 99), "{}"), *XYZ, names="idx,x,y,z\n"),
+        None,
+    ),
+    "sample": (table(COUNTER, *XYZ, names="sample,x,y,z\n"), None),
+    "Sample No.": (table(COUNTER, *XYZ, names="Sample No.,x,y,z\n"), None),
+    "#": (table(COUNTER, *XYZ, names='"#",x,y,z\n'), None),
+    "N": (table(COUNTER, *XYZ, names="N;x;y;z\n", mark=";"), None),
+    "Unnamed: 0": (table(COUNTER, *XYZ, names="Unnamed: 0,x,y,z\n"), None),
+    "ids": (table(["7"] * COUNT, *XYZ, ["a7"] * COUNT, names="series_id,x,y,z,device id\n"), None),
+    "labels": (table(*XYZ, ["2"] * COUNT, WORDS, names="x,y,z,class,activity\n"), None),
+    "trial and surface": (
+        table(["1"] * COUNT, *XYZ, ["3"] * COUNT, names="Trial,x,y,z,surface\n"), None
+    ),
+    "text": (table(*XYZ, WORDS, names="x,y,z,note\n"), None),
+    "text without names": (table(*XYZ, WORDS), None),
+    "an empty column": (table(*XYZ, [""] * COUNT, names="x,y,z,comment\n"), None),
+    "an empty column between": (table(X, [""] * COUNT, Y, Z, names="x,,y,z\n"), None),
+    # times
+    "time": (table(times(), *XYZ, names="time,x,y,z\n"), RATE),
+    "t": (table(times(), *XYZ, names="t,x,y,z\n"), RATE),
+    "T / s": (table(times(), *XYZ, names="T / s;x;y;z\n", mark=";", comma=True), RATE),
+    "time last": (table(*XYZ, times(), names="x,y,z,Time\n"), RATE),
+    "time_ms": (table(times(1e3), *XYZ, names="time_ms,x,y,z\n"), RATE),
+    "timeMs": (table(times(1e3), *XYZ, names="timeMs,x,y,z\n"), RATE),
+    "Zeit in ms": (table(times(1e3), *XYZ, names="Zeit in ms;x;y;z\n", mark=";", comma=True), RATE),
+    "TimeUS": (table(times(1e6, "{:.0f}", 5e7), *XYZ, names="TimeUS,x,y,z\n"), RATE),
+    "micros": (table(times(1e6, "{:.0f}"), *XYZ, names="micros,x,y,z\n"), RATE),
+    "Milliseconds": (table(times(1e3), *XYZ, names="Milliseconds,x,y,z\n"), RATE),
+    "time [µs]": (table(times(1e6, "{:.0f}"), *XYZ, names="time [µs],x,y,z\n"), RATE),
+    "time (min)": (table(times(1 / 60, "{:.12f}"), *XYZ, names="time (min),x,y,z\n"), RATE),
+    **{
+        f"row of units, {unit}": (
+            table(times(scale, "{:.12g}"), *XYZ, names=f"Time,a,b,c\n{unit},g,g,g\n"), RATE
+        )
+        for unit, scale in UNITS.items()
+    },
+    **{
+        f"since 1970 in {scale:g}": (table(at(scale), *XYZ, names="timestamp,x,y,z\n"), RATE)
+        for scale in (1e6, 1e9)
+    },
+    "since 1970 in s": (
+        table(column(1_772_359_200 + TIMES, "{:.6f}"), *XYZ, names="Timestamp,x,y,z\n"), RATE
+    ),
+    "seconds_elapsed": (
+        table(at(1e9), times(), *XYZ, names="time,seconds_elapsed,z,y,x\n"), RATE
+    ),
+    "ROS": (
+        table(at(1e9), COUNTER, at(1e9), ["imu"] * COUNT, *XYZ, names="%time,field.header.seq,"
+              "field.header.stamp,field.header.frame_id,field.a.x,field.a.y,field.a.z\n"), RATE
+    ),
+    "secs and nsecs": (
+        table(COUNTER, column((np.arange(COUNT) + 1900) // 2000 + 1_772_359_200, "{}"),
+              column((np.arange(COUNT) + 1900) % 2000 * 500_000, "{}"), *XYZ,
+              names=".header.seq,.header.stamp.secs,.header.stamp.nsecs,.x,.y,.z\n"), RATE
+    ),
+    "Phyphox": (table(*(column(v, "{:.9E}") for v in (TIMES, *AXES)), names=PHYPHOX), RATE),
+    "Phyphox, tabs, commas": (
+        table(*(column(v, "{:.9E}") for v in (TIMES, *AXES)), mark="\t", comma=True,
+              names=PHYPHOX.replace(",", "\t")), RATE
+    ),
+    "LabVIEW": (LVM + table(times(), *XYZ, mark="\t"), RATE),
+    "LabVIEW without X": (
+        LVM.replace("One", "No") + table([""] * COUNT, *XYZ, mark="\t"), RATE
+    ),
+    "ISO": (table(clock("%Y-%m-%dT%H:%M:%S.%f"), *XYZ, names="time,x,y,z\n"), RATE),
+    "ISO, blank": (table(clock("%Y-%m-%d %H:%M:%S.%f"), *XYZ, names="Date,x,y,z\n"), RATE),
+    "ISO, Z": (table(clock("%Y-%m-%dT%H:%M:%S.%fZ"), *XYZ, names="timestamp,x,y,z\n"), RATE),
+    "ISO, zone": (table(clock("%Y-%m-%d %H:%M:%S.%f+01:00"), *XYZ, names="time,x,y,z\n"), RATE),
+    "ISO, comma": (
+        table(clock("%Y-%m-%d %H:%M:%S,%f"), *XYZ, mark=";", comma=True, names="time;x;y;z\n"), RATE
+    ),
+    "index of pandas": (table(clock("%Y-%m-%d %H:%M:%S.%f"), *XYZ, names=",x,y,z\n"), RATE),
+    "dd.mm.yyyy": (
+        table(clock("%d.%m.%Y %H:%M:%S,%f"), *COMMAS, mark=";", names="Zeit;x;y;z\n"), RATE
+    ),
+    "mm/dd/yyyy, AM": (
+        table(clock("%m/%d/%Y %I:%M:%S.%f %p"), *XYZ, names="Date/Time,x,y,z\n"), RATE
+    ),
+    "clock": (table(clock("%H:%M:%S.%f"), *XYZ, names="time,x,y,z\n"), RATE),
+    "clock, comma": (
+        table(clock("%H:%M:%S,%f"), *XYZ, mark=";", comma=True, names="Uhrzeit;x;y;z\n"), RATE
+    ),
+    "clock, colon": (table(clock("%H:%M:%S:%f"), *XYZ, names="time,x,y,z\n"), RATE),
+    "clock, PM": (table(clock("%I:%M:%S.%f %p"), *XYZ, names="time,x,y,z\n"), RATE),
+    "minutes of Excel": (table([f"00:0{t:.4f}" for t in TIMES], *XYZ, names="Time,x,y,z\n"), RATE),
+    "dd.mm.yy": (
+        table(clock("%d.%m.%y %H:%M:%S.%f"), *COMMAS, mark="\t", names="Zeit\tx\ty\tz\n"), RATE
+    ),
+    "date and clock, commas": (
+        table(clock("%d.%m.%Y"), clock("%H:%M:%S,%f"), *COMMAS, mark=";",
+              names="Datum;Zeit;x;y;z\n"), RATE
+    ),
+    "date and clock": (
+        table(clock("%d.%m.%Y"), clock("%H:%M:%S.%f"), *XYZ, mark="\t",
+              names="Datum\tUhrzeit\tx\ty\tz\n"), RATE
+    ),
+    "no names, ISO": (table(clock("%Y-%m-%dT%H:%M:%S.%f"), *XYZ), RATE),
+}  # fmt: skip
+
+
+def write(tmp_path, text, encoding="utf-8"):
+    path = tmp_path / "a.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode(encoding))
+    return path
+
+
+@pytest.mark.parametrize("name", READ)
+def test_axes_and_rate_are_those_that_were_written(tmp_path, name):
+    text, expected = READ[name]
+    samples, rate, _ = read_table(write(tmp_path, text))
+    np.testing.assert_allclose(samples, AXES, atol=1e-9)
+    assert rate == (expected if expected is None else pytest.approx(expected, rel=1e-4))
+
+
+COUNTS = [column(np.trunc(axis * 5e4), "{:.0f}") for axis in AXES]
+
+
+@pytest.mark.parametrize(
+    ("form", "comma", "mark"),
+    [
+        ("{:,.1f}", False, ";"),
+        ("{:,.1f}", True, ";"),
+        ("{:,.0f}", False, "\t"),
+        ("{:,.0f}", False, '"'),
+    ],
+)
+def test_marks_of_thousands(tmp_path, form, comma, mark):
+    values = (AXES * 3e6).round(1 if "1" in form else 0)
+    cells = [column(axis, form) for axis in values]
+    if comma:
+        cells = [[c.translate(str.maketrans(",.", ".,")) for c in each] for each in cells]
+    quoted = mark == '"'
+    text = table(*cells, mark="," if quoted else mark, quote=quoted, names="")
+    np.testing.assert_allclose(read_table(write(tmp_path, text))[0], values)
+
+
+@pytest.mark.parametrize("names", ["", "x,y,z\n"])
+def test_whole_numbers_are_axes_whatever_they_do(tmp_path, names):
+    rising = column(np.arange(COUNT) * 3 + 17, "{}")
+    text = table(rising, *COUNTS[1:], names=names)
+    samples, rate, reading = read_table(write(tmp_path, text))
+    np.testing.assert_array_equal(samples[0], np.arange(COUNT) * 3 + 17)
+    assert (len(samples), rate) == (3, None)
+    assert reading.axes == (("x", "y", "z") if names else ())
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        "position_mm,force_N,z", "T,force,z", "T1,T2,T3", "temperature,b,c", "x,y,z", "depth,b,c",
+        "time constant of the delta,y,z", "count,y,z", "n,y,z", "index finger,thumb,ring",
+        "tow,b,c", "sensor 1,sensor 2,sensor 3", "data,counts,raw", "target force,y,z",
+    ],
+)  # fmt: skip
+def test_what_rises_is_time_or_counter_only_by_its_name(tmp_path, names):
+    depth = np.cumsum(np.abs(AXES[0])) if not names.startswith("T,") else -np.abs(AXES[0])
+    text = table(column(depth), Y, Z, names=names + "\n")
+    samples, rate, reading = read_table(write(tmp_path, text))
+    np.testing.assert_allclose(samples, [depth, *AXES[1:]], atol=1e-5)
+    assert (rate, reading.left_out) == (None, ())
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1"])
+def test_encodings(tmp_path, encoding):
+    names = "Zeit (µs);Weg °;größe;z m/s²\n"
+    text = table(times(1e6, "{:.0f}"), *XYZ, mark=";", comma=True, names=names)
+    samples, rate, reading = read_table(write(tmp_path, text, encoding))
+    np.testing.assert_allclose(samples, AXES)
+    assert (round(rate), reading.axes) == (RATE, ("Weg °", "größe", "z m/s²"))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        table(*XYZ)[:-10],
+        table(*XYZ)[:-9] + "-",
+        table(*XYZ)[8:],
+        table(*XYZ) + "0.1,0.2\n",
+        table(*XYZ, names="x,y,z\n") + "0.1,0",
+        table(*XYZ).encode() + bytes(500),
+        table(*XYZ).encode() + b"\x1a",
+    ],
+)
+def test_first_and_last_lines_that_are_cut_are_left_out_with_a_note(tmp_path, text):
+    samples, _, reading = read_table(write(tmp_path, text))
+    assert min(np.abs(samples[:, :1] - AXES[:, first : first + 1]).max() for first in (0, 1)) < 1e-9
+    assert samples.shape[1] in (COUNT - 1, COUNT)
+    assert bool(reading.notes) == (isinstance(text, str))
+    assert all("left out: '" in note for note in reading.notes)
+
+
+ROWS = table(*XYZ)
+REFUSED = {
+    "four names": (table(*XYZ, names="x,y,z,more\n"), "has 4 names and 3 columns; give every"),
+    "two names": (table(*XYZ, names="x,y\n"), "has 2 names and 3 columns"),
+    "names of one column": (table(X, names="x;y\n"), "has 2 names and 1 columns"),
+    "decimal commas beside commas": (table(X, Y, comma=True, names="x,y\n"), "2 names and 4 col"),
+    "commas in doubt": (table(["1"] * 9, ["23"] * 9), "which cannot be told apart: write decimal"),
+    "a short line": (table(*XYZ, names="x,y,z\n").replace(f"{X[50]},", ""), "'z' at sample 50"),
+    "a long line": (ROWS.replace(X[50], f"{X[50]},1"), "has 4 columns in line 51 and 3 before"),
+    "NaN": (ROWS.replace(X[7], "NaN"), "no number in the column '1' at sample 7"),
+    "an empty cell": (table(*XYZ, names="x,y,z\n").replace(Y[7], ""), "column 'y' at sample 7"),
+    "NULL": (ROWS.replace(Y[7], "NULL"), "column '2' at sample 7"),
+    "-": (ROWS.replace(Y[7], "-"), "column '2' at sample 7"),
+    "a word": (ROWS.replace(Y[7], "OVERFLOW"), "has 'OVERFLOW' at sample 7 in the column '2'"),
+    "a broken number": (ROWS.replace(Y[7], "0.1.2"), "has '0.1.2' at sample 7 in the column '2'"),
+    "names again": (table(*XYZ, names="x,y,z\n") * 2, f"has 'x' at sample {COUNT} in the col"),
+    "hexadecimal": (table(["0x1F"] * COUNT, Y, names="a,b\n"), "has '0x1F' at sample 0 in the"),
+    "unknown unit": (
+        table(times(), X, names="time (ticks),x\n"),
+        r"'time \(ticks\)', whose unit 'ticks' is not known; give data.time_unit=ms",
+    ),
+    "no unit": (
+        table(times(1e3), X, names="time,x\n"),
+        "column of time 'time', which rises by 0.5 a sample, has no unit; give data.time_unit=ms",
+    ),
+    "times that fall": (table(times()[::-1], X, names="time,x\n"), "do not rise at sample 1"),
+    "a time that is missing": (
+        table(times(), X, names="time,x\n").replace(times()[9], ""), "column 'time' at sample 9"
+    ),
+    "one clock time": (table(["10:00:00"] * COUNT, X, names="time,x\n"), "do not rise"),
+    "a moment that is none": (
+        table(clock("%Y-%m-%dT%H:%M:%S.%f"), X, names="time,x\n").replace(":59.9510", ":79.9510"),
+        "in the column 'time', and not all of its cells can be read as such times",
+    ),
+    "words": ("It was a dark night.\nRain fell, in torrents, of course.\n" * 9, "holds no numbers"),
+    "nothing": ("\n \n\n", "holds no numbers"),
+    "names alone": ("x,y,z\n", "holds no numbers"),
+    "time alone": (table(times(), names="time\n"), "no column of measured numbers"),
+    "a workbook": (b"PK\x03\x04" + bytes(90), "is an Excel workbook .* no text; export it as CSV"),
+    "NULs between": (ROWS.encode() + bytes(9) + ROWS.encode(), f"NUL bytes in line {COUNT + 1}"),
+    "random bytes": (RNG.bytes(5000), "."),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_in_doubt_is_refused_in_one_sentence(tmp_path, name):
+    text, message = REFUSED[name]
+    with pytest.raises(TableError, match=message) as caught:
+        read_table(write(tmp_path, text))
+    said = str(caught.value)
+    assert len(said) < 300
+    assert "\n" not in said
+    assert ". " not in said
+
+
+def test_names_choose_the_axes_in_any_order(tmp_path):
+    names = "time,packet,Acc X (g),Acc_Y,z\n"
+    text = table(times(), COUNTER, *XYZ, names=names)
+    path = write(tmp_path, text)
+    for channels, expected in {
+        ("z", "Acc X (g)"): AXES[[2, 0]],
+        ("acc x", "acc_y"): AXES[:2],
+        (2, "Acc_Y"): AXES[[2, 1]],
+        ("packet", "z"): [NUMBERS, AXES[2]],
+    }.items():
+        samples, _, reading = read_table(path, channels)
+        np.testing.assert_allclose(samples, expected, atol=1e-9)
+        assert len(reading.axes) == len(channels)
+    with pytest.raises(TableError, match=r"no column 'w' as data\.channels asks for, but time"):
+        read_table(path, ["w"])
+    with pytest.raises(TableError, match=r"has 3 channels, and data\.channels names 3"):
+        read_table(path, [3])
+    with pytest.raises(TableError, match="has 2 columns 'a'; give their numbers"):
+        read_table(write(tmp_path, table(*XYZ, names="a,b,a\n")), ["a"])
+
+
+def test_a_unit_that_is_given_counts(tmp_path):
+    path = write(tmp_path, table(times(1e3), *XYZ, names="time (ticks),x,y,z\n"))
+    assert read_table(path, None, "ms")[1] == pytest.approx(RATE)
+
+
+def test_what_was_read_is_told(tmp_path):
+    names = "packet,time (ms),x,y,z,label\n"
+    text = table(COUNTER, times(1e3), *XYZ, WORDS, names=names)
+    reading = read_table(write(tmp_path, text))[2]
+    assert reading.axes == ("x", "y", "z")
+    assert reading.rate_from == "times in 'time (ms)'"
+    assert reading.left_out == ("'packet' (counter)", "'label' (label)")
+
+
+def test_coarse_times_give_the_rate(tmp_path):
+    for digits in (2, 3):
+        text = table(times(1, f"{{:.{digits}f}}"), *XYZ, names="time,x,y,z\n")
+        samples, rate, reading = read_table(write(tmp_path, text))
+        np.testing.assert_allclose(samples, AXES)
+        assert rate == pytest.approx(RATE, rel=0.02)
+        assert "repeat within" in reading.rate_from
+
+
+def test_an_axis_a_line(tmp_path):
+    text = "\n".join(",".join(each) for each in XYZ)
+    np.testing.assert_allclose(read_table(write(tmp_path, text))[0], AXES)
+
+
+@pytest.mark.skipif(not SHARED.exists(), reason="no shared data")
+def test_exports_of_programs():
+    with (SHARED / "expected.csv").open(newline="") as stream:
+        for row in csv.DictReader(stream):
+            samples, rate, _ = read_table(SHARED / row["file"])
+            assert len(samples) == int(row["axes"] or 2), row["file"]
+            assert rate is None or rate == pytest.approx(float(row["rate"]), rel=1e-3)
+            assert (rate is None) <= bool(row["file_rate"])
+            first = [float(value) for value in row["sample_1"].split()]
+            np.testing.assert_allclose(samples[:, 1][: len(first)], first, err_msg=row["file"])
