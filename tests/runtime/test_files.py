@@ -1,5 +1,7 @@
 """Files are decoded as the package decodes them, or refused in one sentence."""
 
+import sys
+
 import numpy as np
 import pytest
 import soundfile
@@ -75,6 +77,15 @@ def test_text_is_that_of_the_package(tmp_path, mark, header, axes):
 def test_text_that_is_unclear_is_refused(tmp_path, text, message):
     with pytest.raises(UserError, match=message):
         read(write(tmp_path / "a.csv", text))
+
+
+@pytest.mark.parametrize("library", ["pandas", "clevercsv"])
+def test_without_the_libraries_tables_alone_are_refused(tmp_path, monkeypatch, library):
+    monkeypatch.setitem(sys.modules, library, None)  # not installed
+    soundfile.write(tmp_path / "a.wav", AXES.T, 10_000, subtype="FLOAT")
+    np.testing.assert_allclose(read(tmp_path / "a.wav")[0], AXES, rtol=1e-6)
+    with pytest.raises(UserError, match=rf"a.csv is a table, which takes {library}: pip install '"):
+        read(write(tmp_path / "a.csv", "1\n2\n3\n"))
 
 
 def test_damage_is_refused(tmp_path):

@@ -8,6 +8,7 @@ reads it, which is the reader of exported networks, too.
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -67,7 +68,9 @@ def _join_axes(path: Path, parts: list[Signal]) -> Signal:
             f"The axes X, Y, Z of trace {path} have the shapes {', '.join(map(str, shapes))}; each "
             "must be a single one, and all of one length and rate."
         )
-    return parts[0]._replace(samples=np.concatenate([part.samples for part in parts]))
+    names = tuple(name for part in parts for name in part.reading.axes)
+    reading = replace(parts[0].reading, axes=names)
+    return Signal(np.concatenate([part.samples for part in parts]), parts[0].rate, reading)
 
 
 def axis_files(path: Path) -> tuple[Path, ...]:
