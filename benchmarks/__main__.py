@@ -15,7 +15,7 @@ from tex_lightning.core.console import console
 
 FOREMOST = "ratio"
 LONG = ("accuracy", "adaptation", "digests", "faults", "hostile", "mutants", "mutations",
-        "shapes")  # by name  # fmt: skip
+        "shapes", "unknown")  # by name  # fmt: skip
 
 
 def names() -> list[str]:

@@ -62,3 +62,23 @@ def test_as_many_known_recordings_are_rejected_as_asked_where_four_are_tiles_of_
     # of 160 photos, which are what is independent
     interval = binomtest(rejected["photo"] // tiles, classes * photos).proportion_ci(0.95, "wilson")
     assert interval.low < rate < interval.high
+
+
+def test_strong_noise_in_most_features_does_not_hide_what_is_unknown():
+    """Bands that hardly tell the classes had most of the variance, and decided the angle."""
+    torch.manual_seed(0)
+    telling, noisy, known, strange = 40, 400, 8, 4
+    centres = 3 * torch.randn(known + strange, telling)
+
+    def draw(labels: torch.Tensor) -> torch.Tensor:
+        noise = 20 * torch.randn(len(labels), noisy)
+        return torch.cat((centres[labels] + torch.randn(len(labels), telling), noise), dim=1)
+
+    labels = torch.arange(known).repeat(30)
+    rows, groups = draw(labels), [str(number) for number in range(len(labels))]
+    threshold = novelty_threshold(left_out_novelties(rows, labels, known, groups), 0.05)
+    statistics = FeatureStatistics.of(rows, labels, known)
+    rejected = statistics.novelty(draw(torch.arange(known).repeat(50))) > threshold
+    accepted = statistics.novelty(draw(known + torch.arange(strange).repeat(50))) <= threshold
+    assert 0.02 < rejected.double().mean() < 0.08
+    assert accepted.double().mean() < 0.02

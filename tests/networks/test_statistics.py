@@ -14,10 +14,10 @@ def drawn(recordings=40, features=6, classes=4, seed=0):
 
 
 def covariance(statistics):
-    """The full matrix that deviations, directions and variances stand for."""
+    """The full matrix that scales, directions and variances stand for."""
     directions, size = statistics.directions, statistics.means.shape[1]
     along = directions.T @ torch.diag(statistics.variances - statistics.rest) @ directions
-    scale = statistics.deviations
+    scale = statistics.scales
     return scale[:, None] * (along + statistics.rest * torch.eye(size)) * scale
 
 
@@ -25,7 +25,7 @@ def covariance(statistics):
 def test_the_covariance_is_shrunk_as_scikit_learn_does(recordings, features):
     rows, labels, classes = drawn(recordings, features)
     found = FeatureStatistics.of(rows, labels, classes)
-    scaled = rows / found.deviations
+    scaled = rows / found.scales
     centred = torch.cat(
         [scaled[labels == each] - scaled[labels == each].mean(0) for each in range(4)]
     )
@@ -35,7 +35,7 @@ def test_the_covariance_is_shrunk_as_scikit_learn_does(recordings, features):
     basis = (scales[:, None] * directions)[:freedom]
     expected, _ = oas(torch.nn.functional.pad(basis, (0, 0, 0, freedom - len(basis))).numpy(),
                       assume_centered=True)  # fmt: skip
-    expected = torch.from_numpy(expected).float() * found.deviations * found.deviations[:, None]
+    expected = torch.from_numpy(expected).float() * found.scales * found.scales[:, None]
     torch.testing.assert_close(covariance(found), expected)
     assert found.counts.tolist() == [recordings // classes] * classes
     torch.testing.assert_close(found.means[1], rows[labels == 1].mean(0))
@@ -72,16 +72,20 @@ def test_units_of_features_make_no_difference():
     )
 
 
-def test_the_deviations_are_those_within_classes_where_there_are_many_recordings():
+def test_a_scale_is_the_deviation_within_classes_over_how_much_they_differ():
     rows, labels, classes = drawn(4000, 6)
-    found = FeatureStatistics.of(torch.cat((rows, torch.ones(4000, 1)), dim=1), labels, classes)
-    within = torch.cat([rows[labels == each] - rows[labels == each].mean(0) for each in range(4)])
-    torch.testing.assert_close(found.deviations[:6], within.std(dim=0), rtol=0.02, atol=0)
-    assert found.deviations[6] == found.deviations[:6].square().mean().sqrt()  # never varied
+    more = torch.stack((torch.ones(4000), torch.randn(4000)), dim=1)  # neither tells the class
+    found = FeatureStatistics.of(torch.cat((rows, more), dim=1), labels, classes).scales
+    classwise = [rows[labels == each] for each in range(classes)]
+    within = torch.cat([each - each.mean(0) for each in classwise]).std(dim=0)
+    between = torch.stack([each.mean(0) for each in classwise]).std(dim=0, correction=0)
+    torch.testing.assert_close(found[:6], within**2 / between, rtol=0.05, atol=0)
+    assert found[7] == pytest.approx(10, rel=0.05)  # at most ten times its deviation
+    assert 0 < found[6] < 100
 
 
 def test_statistics_of_earlier_checkpoints_are_read():
     rows, labels, classes = drawn(40, 6)
     state = FeatureStatistics.of(rows, labels, classes).state_dict()
-    del state["deviations"]
-    assert FeatureStatistics.from_state(state).deviations.tolist() == [1] * 6
+    del state["scales"]
+    assert FeatureStatistics.from_state(state).scales.tolist() == [1] * 6

@@ -12,17 +12,18 @@ from torch import Tensor, nn
 MAX_RANK = 128  # directions of the covariance that are kept; the others share one variance
 LEAST_VARIANCE = 1e-8  # of features that never vary
 ROUNDING = 1e-12  # of a feature's mean square: its variance where it never varies
-PRIOR = 3  # recordings, as which the deviation of a feature between classes counts, too
+PRIOR = 3  # recordings, as which the whole variance of a feature counts within classes, too
+LEAST_RATIO = 0.1  # of the deviation between classes to that within them
 
 
 class FeatureStatistics(nn.Module):
     """Means of all classes and one covariance within them, as of a linear discriminant analysis.
 
     The covariance is that of the recordings' mean features about the mean of their class. Each
-    feature is divided by its deviation first, so that of thousands of features those that tell
-    little do not drown the others. Then it is shrunk towards a multiple of the identity: sum_i v_i
-    d_i d_i^T + rest (1 - sum_i d_i d_i^T), with orthonormal directions d_i. It needs little memory
-    for thousands of features, and is never singular.
+    feature is divided by its scale first, so that of thousands of features those that tell the
+    classes little do not drown the others. Then it is shrunk towards a multiple of the identity:
+    sum_i v_i d_i d_i^T + rest (1 - sum_i d_i d_i^T), with orthonormal directions d_i. It needs
+    little memory for thousands of features, and is never singular.
 
     Args:
         classes: Number of classes.
@@ -32,8 +33,9 @@ class FeatureStatistics(nn.Module):
     Attributes:
         means: (classes, D), the mean features of each class.
         counts: (classes,) int64, recordings behind each mean.
-        deviations: (D,) of each feature within the classes, above 0.
-        directions: (rank, D), orthonormal, of the features divided by their deviations.
+        scales: (D,) deviation of each feature within the classes, above 0, divided by the ratio of
+            the deviation between the classes to it.
+        directions: (rank, D), orthonormal, of the features divided by their scales.
         variances: (rank,) along the directions, above 0.
         rest: () variance along every other direction, above 0.
         white: (classes, D), the means about their centre, whitened.
@@ -52,7 +54,7 @@ class FeatureStatistics(nn.Module):
 
     means: Tensor
     counts: Tensor
-    deviations: Tensor
+    scales: Tensor
     directions: Tensor
     variances: Tensor
     rest: Tensor
@@ -62,7 +64,7 @@ class FeatureStatistics(nn.Module):
         super().__init__()
         self.register_buffer("means", torch.zeros(classes, features))
         self.register_buffer("counts", torch.zeros(classes, dtype=torch.long))
-        self.register_buffer("deviations", torch.ones(features))
+        self.register_buffer("scales", torch.ones(features))
         self.register_buffer("directions", torch.zeros(rank, features))
         self.register_buffer("variances", torch.ones(rank))
         self.register_buffer("rest", torch.ones(()))
@@ -81,10 +83,10 @@ class FeatureStatistics(nn.Module):
         centred, freedom = rows - means[labels], len(rows) - classes
         if freedom < 1:
             centred, freedom = means - means.mean(dim=0), max(1, classes - 1)
-        deviations = _deviations(rows, centred, freedom)
-        spread, directions = _principal(centred / deviations)
+        scales = _scales(rows, centred, freedom)
+        spread, directions = _principal(centred / scales)
         variances, rest = _shrunk(spread / freedom, freedom, rows.shape[1])
-        state = {"means": means, "counts": counts, "deviations": deviations}
+        state = {"means": means, "counts": counts, "scales": scales}
         state |= {"directions": directions[: len(variances)], "variances": variances, "rest": rest}
         return cls.from_state(state)
 
@@ -92,7 +94,7 @@ class FeatureStatistics(nn.Module):
     def from_state(cls, state: dict[str, Tensor]) -> Self:
         """Make statistics of the sizes of a stored state, and load it.
 
-        Without ``deviations``, as earlier checkpoints have them, all features weigh the same.
+        Without ``scales``, as earlier checkpoints have them, all features weigh the same.
 
         Raises:
             KeyError: If a tensor is missing.
@@ -101,7 +103,7 @@ class FeatureStatistics(nn.Module):
         """
         classes, features = state["means"].shape
         statistics = cls(classes, features, len(state["directions"]))
-        statistics.load_state_dict({"deviations": statistics.deviations, **state})
+        statistics.load_state_dict({"scales": statistics.scales, **state})
         means = statistics.means
         statistics.white.copy_(statistics.whiten(means - means.mean(dim=0)))
         return statistics
@@ -121,17 +123,17 @@ class FeatureStatistics(nn.Module):
         noise = torch.randn(shape, generator=generator).to(self.means)
         along, least = noise @ self.directions.T, self.rest.sqrt()
         noise = least * noise + (along * (self.variances.sqrt() - least)) @ self.directions
-        noise *= self.deviations
+        noise *= self.scales
         wider = (1 + 1 / self.counts).sqrt()[:, None, None]
         return self.means[:, None] + wider * noise
 
     def whiten(self, features: Tensor) -> Tensor:
         """Whiten features (..., D): their covariance becomes the identity."""
-        return self._decorrelate(features / self.deviations)
+        return self._decorrelate(features / self.scales)
 
     def weights_before(self, weights: Tensor) -> Tensor:
         """Return weights (..., D) that score features as ``weights`` score whitened ones."""
-        return self._decorrelate(weights) / self.deviations
+        return self._decorrelate(weights) / self.scales
 
     def _decorrelate(self, x: Tensor) -> Tensor:
         """Multiply (..., D) by the symmetric root of the inverse covariance of scaled features."""
@@ -153,19 +155,21 @@ class FeatureStatistics(nn.Module):
         return 1 - cosines.amax(dim=-1).clamp(max=1)  # rounding may pass it
 
 
-def _deviations(rows: Tensor, centred: Tensor, freedom: int) -> Tensor:
-    """Return the deviation (D,) of each feature within the classes.
+def _scales(rows: Tensor, centred: Tensor, freedom: int) -> Tensor:
+    """Return what each feature is divided by (D,), see :class:`FeatureStatistics`.
 
     Args:
         rows: Features (N, D).
         centred: The same about the means of their classes.
         freedom: Degrees of freedom that these have.
     """
-    variances = centred.square().sum(dim=0) + PRIOR * rows.var(dim=0, correction=0)
-    variances /= freedom + PRIOR
-    varying = variances > ROUNDING * rows.square().mean(dim=0)
-    usual = variances[varying].mean() if varying.any() else torch.ones_like(variances[0])
-    return torch.where(varying, variances, usual).sqrt()  # any value of a constant one is new
+    whole = rows.var(dim=0, correction=0)
+    within = (centred.square().sum(dim=0) + PRIOR * whole) / (freedom + PRIOR)
+    varying = within > ROUNDING * rows.square().mean(dim=0)
+    usual = within[varying].mean() if varying.any() else torch.ones_like(within[0])
+    within = torch.where(varying, within, usual)  # any other value of a constant one is new
+    ratios = (whole / within - 1).clamp(min=LEAST_RATIO**2).sqrt()
+    return within.sqrt() / ratios
 
 
 def _principal(centred: Tensor) -> tuple[Tensor, Tensor]:
