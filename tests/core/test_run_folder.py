@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tex_lightning.core.run_folder import find_checkpoint, locked_folder
+from tex_lightning.core.run_folder import find_checkpoint, locked_folder, remove_if_empty
 from tex_lightning.errors import UserError
 
 
@@ -96,3 +96,13 @@ def test_a_prediction_writes_nothing_where_it_runs(cli, bands, surfaces, monkeyp
     outcome = cli("task=predict", f"checkpoint={bands}", files, "verbose=2")
     assert (outcome.status, outcome.out.count("\n")) == (0, 2), outcome.err
     assert list(Path.cwd().iterdir()) == []
+
+
+def test_an_empty_current_folder_is_not_removed(tmp_path, monkeypatch):
+    here = tmp_path / "a" / "b"
+    (here / "outputs" / "fit" / "haptic" / "now").mkdir(parents=True)
+    monkeypatch.chdir(here)
+    remove_if_empty(Path("outputs/fit/haptic/now"))
+    assert not list(here.iterdir())
+    remove_if_empty(Path())
+    assert here.is_dir()

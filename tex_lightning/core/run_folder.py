@@ -72,9 +72,15 @@ def locked_folder(directory: Path, key: str = "hydra.run.dir") -> Iterator[None]
 
 
 def remove_if_empty(directory: Path) -> None:
-    """Remove a run folder in its usual place, and those around it, as far as they hold nothing."""
+    """Remove a run folder in its usual place, and those around it, as far as they hold nothing.
+
+    The current folder stays, which a prediction has for its run folder.
+    """
+    here = Path.cwd()
     with suppress(OSError):
         for folder in (directory, *directory.parents[: len(USUAL) - 1]):
+            if here.is_relative_to(folder.resolve()):
+                break
             folder.rmdir()
 
 
