@@ -1,5 +1,6 @@
 """Recordings out of files and arrays, to what the graph takes, as ``task=predict`` has them."""
 
+import logging
 import math
 import re
 import warnings
@@ -12,9 +13,11 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from tex_lightning_runtime.columns import Reading
+from tex_lightning_runtime.photos import read_photo, to_rgb
 from tex_lightning_runtime.tables import SUFFIXES, read_table
 from tex_lightning_runtime.times import TableError
 
+log = logging.getLogger(__name__)
 Array = np.ndarray[Any, np.dtype[Any]]
 MIN_RATE, MAX_RATE = 19.0, 210_000.0  # Hz: 20 Hz to 200 kHz, by clocks that are not exact
 SAME_RATE = 0.005  # by which clocks of the same rate may differ; such samples stay as they are
@@ -22,7 +25,6 @@ LARGEST = 1e9  # no unit of acceleration comes near; squares still fit float32
 MAX_SAMPLES = 1 << 29  # of a signal, 2 GiB of float32
 MAX_PIXELS, MAX_SIDE = 1 << 24, 1 << 12  # of a photo that is looked at, after halving
 FORMATS = ("JPEG", "PNG", "BMP", "WEBP")  # whatever a name says; libtiff is left alone
-CUT = re.compile(r"data : (\d+) \(should be (\d+)\)")  # libsndfile's note of a truncated file
 REACH, BETA = 10, 5.0  # of SciPy's filter: samples of the lower rate on each side; Kaiser's window
 FLAT_SHARE, MIN_FLAT, FINE_VALUES = 0.01, 10, 32  # clipped from both on; fewer are coarse steps
 UNIFORM, PHOTO_SIDE = 0.5, 256  # grey levels of deviation; pixels that are looked at
@@ -175,7 +177,9 @@ def _read(read: Any, given: Any, sense: dict[str, Any]) -> Any:
     require(there, f"File {given} does not exist or is empty; correct the name.")
     try:
         with warnings.catch_warnings(action="ignore"):  # of metadata
-            return read(file) if file else np.asarray(given)
+            if file:
+                return read(file)
+            return to_rgb(given.copy())[0] if hasattr(given, "getexif") else np.asarray(given)
     except TableError as error:
         raise UserError(f"{given} {error}.") from error
     except Exception as error:  # libraries raise in as many ways as there are formats
@@ -205,20 +209,21 @@ def _read_file(sense: dict[str, Any], path: Path) -> tuple[Array, float | None, 
         array = np.load(path, mmap_mode="r")  # which takes no memory for what a header claims
         require(np.size(array) <= MAX_SAMPLES, f"it has more than {MAX_SAMPLES:,} samples")
         return np.array(array), None, None
-    import soundfile
+    from tex_lightning_runtime.sounds import read_sound
 
-    with soundfile.SoundFile(path) as sound:  # which reads a truncated file without an error
-        cut = CUT.search(sound.extra_info)  # a length from 0x7FFF0000 on was not known
-        require(not (cut and int(cut[2]) < int(cut[1]) < 0x7FFF0000), "it is truncated")
-        require(sound.frames * sound.channels <= MAX_SAMPLES, f"more than {MAX_SAMPLES:,} samples")
-        return sound.read(dtype="float32", always_2d=True), float(sound.samplerate), None
+    samples, rate, notes = read_sound(path, MAX_SAMPLES)
+    _tell(path, notes)
+    return samples, rate, None
+
+
+def _tell(path: Path, notes: list[str]) -> None:
+    """Say of a file what is no fault of its content."""
+    for note in notes:
+        log.warning("%s: %s.", path, note)
 
 
 def _read_pixels(path: Path) -> Array:
-    from PIL import Image, ImageOps
-
     require(path.suffix.lower() not in (".tif", ".tiff"), "it is a TIFF, save it as PNG")
-    with Image.open(path, formats=FORMATS) as image:
-        require(image.mode[0] not in "IF", f"its pixels are {image.mode}, save it with 8 bits")
-        ImageOps.exif_transpose(image, in_place=True)
-        return np.array(image if image.mode == "RGB" else image.convert("RGB"))
+    photo, notes = read_photo(path, FORMATS)
+    _tell(path, notes)
+    return photo

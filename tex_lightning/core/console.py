@@ -121,6 +121,13 @@ def log_once(logger: logging.Logger, text: str, level: int = logging.INFO) -> No
         logger.log(level, "%s", text)
 
 
+def warn_once(logger: logging.Logger, text: str, key: str) -> None:
+    """Log a warning of the first file of several that have the same."""
+    if key not in Screen.logged:
+        Screen.logged.add(key)
+        logger.warning("%s", text)
+
+
 def say(text: str, style: str = "", *, wraps: bool = True) -> None:
     """Print a sentence at any value of ``verbose``; a command to copy does not wrap."""
     wraps = wraps and console.is_terminal

@@ -4,6 +4,7 @@ A checkpoint carries the settings used here, so prediction decodes as training d
 as arrays are brought to the same form.
 """
 
+import logging
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,11 +15,11 @@ from typing import Annotated, Any, ClassVar, NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 import scipy  # whose parts are loaded when they are used
-from PIL import Image, ImageOps, UnidentifiedImageError
+from PIL import Image, UnidentifiedImageError
 from torch import Tensor
 
 from tex_lightning.config.signatures import misfits
-from tex_lightning.core.console import suppress_libtiff, suppress_warnings
+from tex_lightning.core.console import suppress_libtiff, suppress_warnings, warn_once
 from tex_lightning.core.files import require_file
 from tex_lightning.data.kept import read_once
 from tex_lightning.data.traces import (
@@ -31,6 +32,7 @@ from tex_lightning.data.traces import (
 )
 from tex_lightning.errors import UserError, reason
 from tex_lightning_runtime.columns import Channels, Reading
+from tex_lightning_runtime.photos import read_photo, to_rgb
 from tex_lightning_runtime.times import UNITS
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
@@ -42,6 +44,7 @@ RATE_TOLERANCE = 0.01  # by which a rate that is stated may differ from that of 
 ASSUMED = "an assumption"
 MIN_RATE, MAX_RATE = 19.0, 210_000.0  # Hz: 20 Hz to 200 kHz, by clocks that are not exact
 RATES = f"[{MIN_RATE:g}, {MAX_RATE:g}]"
+log = logging.getLogger(__name__)
 Array = npt.NDArray[Any]
 Trace = npt.NDArray[np.float32]
 Photo = npt.NDArray[np.uint8]
@@ -161,24 +164,21 @@ class PhotoDecoder:
             uint8 array of shape (height, width, 3); no rate.
 
         Raises:
-            UserError: If the file is missing, empty, truncated, no image, or not 8 bits a channel.
+            UserError: If the file is missing, empty, truncated by more than a little, or no image.
         """
         require_file(path)
         suppress_libtiff()
         try:
-            with suppress_warnings(), Image.open(path, formats=IMAGE_FORMATS) as image:
-                if image.mode.startswith(("I", "F")):
-                    raise UserError(f"Image {path} has {image.mode} pixels; save it with 8 bits.")
-                ImageOps.exif_transpose(image, in_place=True)
-                photo = np.array(image.convert("RGB"))
+            with suppress_warnings():
+                photo, notes = read_photo(path, IMAGE_FORMATS)
         except UnidentifiedImageError as error:
             raise UserError(f"Image {path} is in no known format; use JPEG or PNG.") from error
-        except UserError:
-            raise
         except Exception as error:  # damage shows in as many ways as there are formats
             raise UserError(
                 f"Image {path} is damaged or too large ({reason(error)}); replace the file."
             ) from error
+        for note in notes:
+            warn_once(log, f"Image {path}: {note} (said of the first such image).", note)
         return self.scale(photo, f"Image {path}"), None
 
     def read(self, path: Path, rate: float | None = None) -> Decoded:
@@ -382,7 +382,8 @@ def as_photo(image: Any, settings: PhotoDecoder, colour: str, key: str = "image"
     """Convert an array or tensor to pixels (height, width, 3) uint8 RGB, halved if configured.
 
     Args:
-        image: (height, width, 3) or, of greys, (height, width); uint8.
+        image: (height, width, 3) or, of greys, (height, width); uint8. An image of Pillow may have
+            any mode.
         settings: Settings of the checkpoint.
         colour: ``rgb``, or ``bgr`` as OpenCV gives them.
         key: Name of the argument, for messages.
@@ -390,7 +391,7 @@ def as_photo(image: Any, settings: PhotoDecoder, colour: str, key: str = "image"
     Raises:
         UserError: If it has another shape or type, or is empty.
     """
-    array = _as_array(image, key)
+    array = to_rgb(image.copy())[0] if isinstance(image, Image.Image) else _as_array(image, key)
     if array.ndim == 2:
         array = np.repeat(array[..., None], 3, axis=2)
     if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3 or not array.size:

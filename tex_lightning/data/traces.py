@@ -20,15 +20,16 @@ from tex_lightning.core.console import suppress_warnings
 from tex_lightning.core.files import is_file, require_file
 from tex_lightning.errors import UserError, reason
 from tex_lightning_runtime.columns import Channels, Reading
+from tex_lightning_runtime.sounds import read_sound
 from tex_lightning_runtime.tables import SUFFIXES, read_table
 from tex_lightning_runtime.times import TableError
 
 Array = npt.NDArray[np.floating]
 MAX_AXES = 64
 MAX_SAMPLES = 1 << 29  # of a file, 2 GiB of float32: 14 h of one axis at 10 kHz
-CUT = re.compile(r"data : (\d+) \(should be (\d+)\)")  # libsndfile's note of a truncated file
-UNKNOWN_LENGTH = 0x7FFF0000  # programs that stream write such a length for want of a better one
 DAMAGE = (soundfile.SoundFileError, ValueError, EOFError, OSError, LookupError, MemoryError)
+# Samples in any order, their rate in Hz if the file states it, and what is to be said of it.
+Raw = tuple[Array, float | None, tuple[str, ...]]
 
 
 class Signal(NamedTuple):
@@ -137,7 +138,8 @@ def _read_file(path: Path, channels: Channels, time_unit: str | None) -> Signal:
         if suffix in SUFFIXES:
             table, rate, reading = read_table(path, channels, time_unit)
         elif suffix in READERS:
-            (table, rate), reading = READERS[suffix](path), Reading()
+            table, rate, notes = READERS[suffix](path)
+            reading = Reading(rate_from="the header of the file" if rate else "", notes=notes)
         else:
             raise UserError(f"Trace {path} has an unknown type; use {', '.join(TRACE_SUFFIXES)}.")
     except TableError as error:
@@ -153,19 +155,12 @@ def _read_file(path: Path, channels: Channels, time_unit: str | None) -> Signal:
         )
     if suffix in SUFFIXES:
         return Signal(trace, rate, reading)
-    said = Reading(rate_from="the header of the file" if rate else "")
-    return Signal(choose_channels(trace, channels, f"Trace {path}"), rate, said)
+    return Signal(choose_channels(trace, channels, f"Trace {path}"), rate, reading)
 
 
-def _read_sound(path: Path) -> tuple[Array, float | None]:
-    with soundfile.SoundFile(path) as sound:  # which reads a truncated file without a word
-        if cut := CUT.search(sound.extra_info):
-            length, rest = int(cut[1]), int(cut[2])
-            if rest < length < UNKNOWN_LENGTH:
-                raise ValueError(f"truncated: {length - rest} of {length} bytes are missing")
-        _check_count(sound.frames * sound.channels)  # a small FLAC file may hold hours of silence
-        samples = sound.read(dtype="float32", always_2d=True)
-        return samples, float(sound.samplerate)
+def _read_sound(path: Path) -> Raw:
+    samples, rate, notes = read_sound(path, MAX_SAMPLES)
+    return samples, rate, tuple(notes)
 
 
 def _check_count(count: int) -> None:
@@ -173,7 +168,7 @@ def _check_count(count: int) -> None:
         raise ValueError(f"it claims {count:,} samples, and {MAX_SAMPLES:,} are the most")
 
 
-def _read_array(path: Path) -> tuple[Array, float | None]:
+def _read_array(path: Path) -> Raw:
     try:
         with suppress_warnings():  # a map takes no memory for what a header claims
             array = np.load(path, mmap_mode="r", allow_pickle=False)
@@ -186,10 +181,10 @@ def _read_array(path: Path) -> tuple[Array, float | None]:
     if array.dtype.kind not in "fiu":
         raise ValueError(f"it holds {array.dtype} instead of numbers")
     _check_count(array.size)
-    return np.array(array, np.float64), None
+    return np.array(array, np.float64), None, ()
 
 
-READERS: dict[str, Callable[[Path], tuple[Array, float | None]]] = {
+READERS: dict[str, Callable[[Path], Raw]] = {
     **dict.fromkeys((".wav", ".flac"), _read_sound),
     ".npy": _read_array,
 }

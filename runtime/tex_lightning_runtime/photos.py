@@ -1,0 +1,145 @@
+"""Photos out of files, as RGB with 8 bits, also of slightly damaged files and of other modes.
+
+How other pixels become 8 bits: greys of 16 bits count from black (0) to white (65535), or to 4095
+where none is brighter, as cameras with 12 bits write them; numbers with a point from 0 to 1, or to
+255 where some are larger. Colours beneath transparent pixels are taken as they are stored.
+"""
+
+import struct
+import zlib
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+Array = np.ndarray[Any, np.dtype[Any]]
+# Of a JPEG at its end: one row of its blocks, the one above with which colours are mixed; a tenth.
+LOST_ROWS, LOST_SHARE = 17, 0.1
+TWELVE_BITS, SIXTEEN_BITS = 4095, 65535
+LARGEST = 1 << 28  # bytes of a file that is mended
+PNG, JPEG, END = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"\xff\xd9"
+KEPT = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")  # chunks of a PNG that its pixels need
+FILLS = (b"\x00", b"\x55")  # of what is missing: where the pixels differ by it, they are lost
+
+
+def read_photo(path: Path, formats: tuple[str, ...]) -> tuple[Array, list[str]]:
+    """Read a photo (height, width, 3) uint8, upright, and what is to be said of it.
+
+    Args:
+        path: An image file.
+        formats: Those that are read, as Pillow calls them.
+
+    Raises:
+        Exception: Of any kind, if it is no image, or damaged so that more than a little is missing.
+    """
+    from PIL import Image  # where it is needed: start-up is counted in milliseconds
+
+    try:
+        with Image.open(path, formats=formats) as image:
+            return to_rgb(image)
+    except Exception:
+        content = path.read_bytes() if path.stat().st_size <= LARGEST else b""
+        lost, note = 0, "its texts or its end are damaged and left out"
+        if content.startswith(PNG):
+            content = _bare_png(content)
+        elif content.startswith(JPEG):
+            content, note = content.removesuffix(END[:1]) + END, "its end is missing"
+            lost = _lost_rows(content, formats)
+        else:
+            raise
+    with Image.open(BytesIO(content), formats=formats) as image:
+        if lost:
+            note += f", and its last {lost} of {image.height} rows are left out"
+        photo, notes = to_rgb(image.crop((0, 0, image.width, image.height - lost)))
+    return photo, [note, *notes]
+
+
+def to_rgb(image: Any) -> tuple[Array, list[str]]:
+    """Return an image of Pillow as (height, width, 3) uint8, upright, and what is to be said of it.
+
+    Args:
+        image: May be changed.
+
+    Raises:
+        ValueError: If its pixels cannot be meant as a photo.
+    """
+    from PIL import ImageCms, ImageOps
+
+    notes = []
+    try:
+        ImageOps.exif_transpose(image, in_place=True)
+    except Exception:  # of damage in a text that is only read now
+        image.load()
+        notes.append("its orientation is damaged and left out")
+    if image.mode in ("PA", "La", "RGBa") or (
+        "transparency" in image.info and image.mode in ("P", "L", "RGB")
+    ):
+        image = image.convert("RGBA")
+    if image.mode in ("RGBA", "LA") and image.getchannel("A").getextrema()[0] < 255:
+        notes.append("it is transparent in places, and the colours beneath count")
+    if image.mode == "LAB":
+        lab, rgb = ImageCms.createProfile("LAB"), ImageCms.createProfile("sRGB")
+        image = ImageCms.profileToProfile(image, lab, rgb, outputMode="RGB")
+    if image.mode[0] in "IF":
+        grey, note = _grey(np.asarray(image))
+        return np.repeat(grey[..., None], 3, axis=2), [*notes, note]
+    return np.array(image if image.mode == "RGB" else image.convert("RGB")), notes
+
+
+def _grey(values: Array) -> tuple[Array, str]:
+    """Return greys (height, width) of more than 8 bits, or with a point, as uint8; see above."""
+    low, high = float(values.min()), float(values.max())
+    if not 0 <= low <= high <= SIXTEEN_BITS:  # false for NaN
+        raise ValueError(
+            f"its pixels are {low:g} to {high:g}, and greys are 0 to {SIXTEEN_BITS:,}: save it "
+            "with 8 bits"
+        )
+    if values.dtype.kind == "f" and high <= 255:
+        white = 1.0 if high <= 1 else 255.0
+    else:
+        white = TWELVE_BITS if high <= TWELVE_BITS else SIXTEEN_BITS
+    note = f"its greys from 0 to {white:,.0f} become 8 bits"
+    return np.rint(values.astype(np.float64) * (255 / white)).astype(np.uint8), note
+
+
+def _bare_png(content: bytes) -> bytes:
+    """Return a PNG without the chunks that its pixels do not need."""
+    return PNG + b"".join(chunk for chunk in _chunks(content) if chunk[4:8] in KEPT)
+
+
+def _chunks(content: bytes) -> Iterator[bytes]:
+    """Yield the chunks of a PNG, each whole: length, name, data and check sum."""
+    place = len(PNG)
+    while place + 12 <= len(content):
+        (length,) = struct.unpack_from(">I", content, place)
+        yield (chunk := content[place : place + 12 + length])
+        if chunk[4:8] in KEPT and zlib.crc32(chunk[4:-4]) != struct.unpack(">I", chunk[-4:])[0]:
+            raise ValueError(
+                f"its pixels are damaged (chunk {chunk[4:8].decode(errors='replace')})"
+            )
+        place += 12 + length
+
+
+def _lost_rows(content: bytes, formats: tuple[str, ...]) -> int:
+    """Return how many rows at the end of a JPEG are missing, if it is only a little.
+
+    The pixels are computed twice, with different data in place of what is missing. What is there
+    does not depend on them.
+
+    Raises:
+        ValueError: If it is more.
+    """
+    from PIL import Image
+
+    photos = []
+    for fill in FILLS:
+        filled = content.removesuffix(END) + 4096 * fill + END
+        with Image.open(BytesIO(filled), formats=formats) as image:
+            photos.append(np.asarray(image.convert("RGB")))
+    (differ,) = (photos[0] != photos[1]).any(axis=(1, 2)).nonzero()
+    lost = len(photos[0]) - int(differ[0]) if len(differ) else 0
+    if lost > min(LOST_ROWS, LOST_SHARE * len(photos[0])):
+        raise ValueError(f"truncated: {lost} of {len(photos[0])} rows are missing")
+    return lost
