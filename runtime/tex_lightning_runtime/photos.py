@@ -68,10 +68,10 @@ def to_rgb(image: Any) -> tuple[Array, list[str]]:
     from PIL import ImageCms, ImageOps
 
     notes = []
+    image.load()  # what is damaged here is the pixels
     try:
         ImageOps.exif_transpose(image, in_place=True)
-    except Exception:  # of damage in a text that is only read now
-        image.load()
+    except Exception:
         notes.append("its orientation is damaged and left out")
     if image.mode in ("PA", "La", "RGBa") or (
         "transparency" in image.info and image.mode in ("P", "L", "RGB")

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import struct
 import subprocess
 import zlib
 from collections.abc import Callable
@@ -122,6 +123,14 @@ def test_sounds_arrays_and_tables_are_read_as_by_the_package(node, tmp_path):
         for kind in ("WAV", "WAVEX"):
             path = tmp_path / f"{subtype}_{kind}.wav"
             soundfile.write(path, noise(501, 3), 8000, subtype=subtype, format=kind)
+    content = bytearray((tmp_path / "PCM_16_WAV.wav").read_bytes())
+    for name, size in (
+        ("none", 0),
+        ("flushed", 600),
+        ("unknown", 0xFFFFFFFF),
+    ):  # of a killed program
+        struct.pack_into("<I", content, content.index(b"data") + 4, size)
+        (tmp_path / f"{name}.wav").write_bytes(content)
     for name, array in ARRAYS.items():
         np.save(tmp_path / f"{name}.npy", array)
     for name, text in TEXTS.items():

@@ -7,6 +7,11 @@ const FLOAT = 3;
 const EXTENSIBLE = 0xfffe; // the true format stands further back
 const UNKNOWN_LENGTH = 0x7fff0000; // written by programs that stream
 
+const CHUNKS = new Set( // that programs write behind samples
+  ("list info id3 fact cue smpl inst bext ixml junk pad fllr peak disp acid plst axml chna cart " +
+    "levl afsp").split(" "),
+);
+
 const READERS = {
   [`${PCM}:1`]: (view, at) => (view.getUint8(at) - 128) / 128,
   [`${PCM}:2`]: (view, at) => view.getInt16(at, true) / 2 ** 15,
@@ -55,12 +60,26 @@ function readFormat(view, at, length) {
   };
 }
 
+/** Whether nothing but chunks stands from a place on: of known names, or whole ones. */
+function areChunks(view, at) {
+  while (at + 8 <= view.byteLength) {
+    const title = name(view, at);
+    const length = view.getUint32(at + 4, true);
+    at += 8 + length + (length % 2);
+    const named = /^[ -~]{4}$/.test(title) && at <= view.byteLength + 1;
+    if (!named && !CHUNKS.has(title.trim().toLowerCase())) return false;
+  }
+  return true;
+}
+
 function readData(view, at, length, format) {
   if (format === null) throw new InputError("its samples come before their format");
   const read = READERS[`${format.tag}:${format.width}`];
   if (read === undefined || !(format.rate > 0)) {
     throw new InputError("its samples are compressed; save them as PCM or floating point");
   }
+  // a program that was killed has written no size, or that of before: all that is there are samples
+  if (!areChunks(view, at + length + (length % 2))) length = view.byteLength - at;
   const missing = at + length - view.byteLength;
   if (missing > 0 && length < UNKNOWN_LENGTH) {
     throw new InputError(`truncated: ${missing} of ${length} bytes are missing`);
