@@ -39,8 +39,8 @@ class MiniRocket(EstimatorBaseline):
     Attributes:
         kernels: Number of features.
         threads: For fitting. aeon's loops run over traces, so one trace never uses more than one.
-        keep_level: Whether its level counts; else the deviation of each axis is made 1, as
-            published.
+        keep_level: Whether its level counts; else each trace's deviation is made 1, as published,
+            by one factor for all axes.
     """
 
     kernels: int
@@ -101,12 +101,9 @@ class MiniRocket(EstimatorBaseline):
                 "give a recording of the same sensor, or choose axes by data.channels."
             )
         piece = np.stack([np.resize(axis, self.length) for axis in trace]).astype(np.float32)
-        deviation = piece.std(axis=1, keepdims=True)
-        if self.keep_level:
-            deviation = np.full_like(deviation, self.scale)
-        centred = piece - piece.mean(axis=1, keepdims=True)
-        scaled: Array = centred / np.where(deviation > 0, deviation, 1)
-        return scaled
+        centred: Array = piece - piece.mean(axis=1, keepdims=True)
+        deviation = self.scale if self.keep_level else centred.std()  # one for all axes
+        return centred / np.float32(deviation) if deviation > 0 else centred
 
     def state(self) -> State:
         """Return the pipeline as bytes, and the axes, length and level it was fitted to."""
