@@ -306,8 +306,9 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     if config.checkpoint is not None:
         config = replace(config, checkpoint=str(find_checkpoint(config.checkpoint)))
     trust(*config.trusted, *named_classes(config.model.nodes))
-    with joining(_set_devices(config, job)):
+    with joining(processes := _set_devices(config)):
         show_rank_zero(libraries=job.origin != "python")
+        _check_processes(config, job, processes)
         results = _run_in_folder(config, composed, job)
     if config.task in TRAINING and results:
         from tex_lightning.evaluation.outcomes import optimized_value
@@ -346,7 +347,7 @@ def _quick_import() -> Iterator[None]:
             gc.enable()
 
 
-def _set_devices(config: Config, job: Job) -> int:
+def _set_devices(config: Config) -> int:
     """Set PyTorch's threads and precision, and reject devices that a task cannot use.
 
     The layers of a short chunk of a stream are so small that a second thread only costs time. A
@@ -372,10 +373,15 @@ def _set_devices(config: Config, job: Job) -> int:
         torch.set_num_threads(threads)
     use_tf32(config.trainer.tf32)
     keep_memory()
-    processes = 1
-    if config.task in TRAINING:
-        processes = count_processes(config.trainer)
-        check_started(processes)
+    if config.task not in TRAINING:
+        return 1
+    processes = count_processes(config.trainer)
+    check_started(processes)
+    return processes
+
+
+def _check_processes(config: Config, job: Job, processes: int) -> None:
+    """Reject what several processes cannot share; rank zero says so."""
     if processes > 1:
         _check_origin(job)
     check_shares(config, processes)
@@ -383,7 +389,6 @@ def _set_devices(config: Config, job: Job) -> int:
         raise UserError(
             "Several processes were started, which have to share a run folder; give hydra.run.dir."
         )
-    return processes
 
 
 def _check_origin(job: Job) -> None:
