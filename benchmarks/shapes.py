@@ -140,10 +140,11 @@ def run(settings: Node, cell: Cell, target: Path) -> Node:
     except UserError as error:
         result = {"said": f"refused: {error}"}
     except Exception as error:  # the other cells are run, whatever it is
-        return {"said": f"failed: {error!r}"}
-    write_text(file_of(settings, cell, target), json.dumps(result) + "\n")
-    correct = sum(label == predicted for label, predicted in result.get("outcomes", {}).values())
-    print(*cell[:3], correct, len(result.get("outcomes", ())), result["said"][:200], flush=True)
+        result = {"said": f"failed: {error!r}"}
+    if not result["said"].startswith("failed"):
+        write_text(file_of(settings, cell, target), json.dumps(result) + "\n")
+    hits = [label == predicted for label, predicted in result.get("outcomes", {}).values()]
+    print(*cell[:3], sum(hits), len(hits), result["said"][:200], flush=True)
     return result
 
 
@@ -162,8 +163,9 @@ def way(settings: Node, cell: Cell, target: Path) -> tuple[list[str], Path | Non
     home = file_of(settings, cell._replace(shape=UNCHANGED), target / "runs").with_suffix("")
     if cell.shape == UNCHANGED:
         return overrides, home
-    reuse = {*changes} <= {TEST} and (home / "results.json").is_file()
-    return [*overrides, *(["task=evaluate", f"checkpoint={home}"] if reuse else [])], None
+    if {*changes} <= {TEST} and (home / "results.json").is_file():
+        return [*settings["common"], "task=evaluate", f"checkpoint={home}"], None
+    return overrides, None
 
 
 def classify(overrides: Sequence[str], home: Path | None, items: Items) -> Node:
