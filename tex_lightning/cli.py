@@ -9,6 +9,7 @@ import json
 import logging
 import os
 import sys
+import time
 import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -35,7 +36,7 @@ from tex_lightning.config.names import as_typed
 from tex_lightning.config.search import use_config_dir, with_own_senses
 from tex_lightning.config.tasks import NO_FOLDER, TRAINING
 from tex_lightning.config.usage import answer, asks
-from tex_lightning.core.console import Screen, say, show_rank_zero, verbosity
+from tex_lightning.core.console import Screen, console, say, show_rank_zero, verbosity
 from tex_lightning.core.contract import fault_of
 from tex_lightning.core.files import UNWRITABLE, unwritable
 from tex_lightning.core.progress import finishing
@@ -50,6 +51,7 @@ from tex_lightning.core.run_folder import (
 from tex_lightning.errors import UserError, reason, shorten
 
 FAILED, USER_FAULT, INTERRUPTED = 1, 2, 130  # exit statuses
+PATIENCE = 10.0  # seconds by which processes that were started together may differ
 EXHAUSTIVE = "hydra._internal.core_plugins.basic_sweeper.BasicSweeper"  # runs all combinations
 
 # Of every job of this process its run folder, and the override that goes on with it; none means
@@ -197,9 +199,15 @@ def main() -> int:
 
 
 def complain(error: object) -> int:
-    """Print a mistake in one sentence and return the exit status for that of a user."""
-    if is_rank_zero():
-        say(f"Error: {error}")
+    """Print a mistake in one sentence and return the exit status for that of a user.
+
+    Of processes that train together rank zero says it, and whoever has started them then ends all;
+    one that is still there has a mistake of its own.
+    """
+    if not is_rank_zero():
+        time.sleep(PATIENCE)
+        console.quiet = False
+    say(f"Error: {error}")
     return USER_FAULT
 
 

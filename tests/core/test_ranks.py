@@ -7,7 +7,9 @@ import sys
 
 import pytest
 
+from tex_lightning import cli as command
 from tex_lightning.config import CONF
+from tex_lightning.core.console import console
 from tex_lightning.core.devices import check_started
 from tex_lightning.core.ranks import (
     PARENT,
@@ -129,3 +131,16 @@ def test_a_training_that_does_not_fit_what_was_started_is_one_sentence(
     outcome = cli("model=haptic", *tiny, f"hydra.run.dir={tmp_path}")
     assert (outcome.status, outcome.err.count("\n")) == (2, 1)
     assert "trainer=ddp" in outcome.err
+
+
+def test_another_rank_waits_for_the_end_and_then_speaks_for_itself(monkeypatch, capfd):
+    """Torchrun ends all processes as soon as one does: rank zero is to speak first."""
+    waited = []
+    monkeypatch.setattr("time.sleep", waited.append)
+    assert command.complain("The file is not here.") == 2
+    assert not waited
+    monkeypatch.setattr(Process, "rank", 1)
+    monkeypatch.setattr(console, "quiet", True)
+    assert command.complain("The file is not here.") == 2
+    assert waited == [command.PATIENCE]
+    assert capfd.readouterr().err.count("Error: The file is not here.") == 2
