@@ -15,8 +15,9 @@ from tex_lightning.export.signals import (
     signal_graph,
     traced_start,
 )
+from tex_lightning.senses.features.movement import movement_start
 from tex_lightning.senses.features.proportions import BandProportions
-from tex_lightning.senses.features.spectrogram import SpectrogramFeatures, movement_start
+from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 RATE = 2_000.0
 

@@ -24,7 +24,7 @@ from tex_lightning.networks.archives import SizeLimit
 from tex_lightning.networks.blocks import Level
 from tex_lightning.senses.base import Sense
 from tex_lightning.senses.features.dft321 import dft321, quick_length
-from tex_lightning.senses.features.spectrogram import movement_start
+from tex_lightning.senses.features.movement import moving
 from tex_lightning.senses.photo import PhotoSense
 from tex_lightning.senses.signal import SignalSense
 
@@ -72,7 +72,7 @@ class Movement(nn.Module):
     """The steady movement of a signal, which baselines take in place of a spectrogram.
 
     Args:
-        skip_impact: Leave out what comes before steady movement.
+        skip_impact: Leave out rests, and what comes before steady movement.
         sampling_rate: Sampling rate in Hz.
         apart: Keep several axes as they are, and do not join them to one.
     """
@@ -94,7 +94,7 @@ class Movement(nn.Module):
         """
         axes = trace.float()
         if self.skip_impact:
-            axes = axes[:, movement_start(axes, self.sampling_rate) :]
+            axes = moving(axes, self.sampling_rate)
         if axes.shape[1] < self.sampling_rate * MIN_SECONDS:
             raise UserError(
                 f"The signal has {axes.shape[1] / self.sampling_rate:.2f} s of movement, too "

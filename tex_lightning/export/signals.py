@@ -14,8 +14,7 @@ from torch import Tensor, nn
 from torch.nn.functional import pad
 
 from tex_lightning.errors import UserError
-from tex_lightning.senses.features.proportions import BandProportions, hop_length
-from tex_lightning.senses.features.spectrogram import (
+from tex_lightning.senses.features.movement import (
     IMPACT_FACTOR,
     KNOWN_SECONDS,
     MIN_QUIET,
@@ -23,8 +22,11 @@ from tex_lightning.senses.features.spectrogram import (
     SEARCH_SECONDS,
     SETTLING_SECONDS,
     STEADY_FACTOR,
-    SpectrogramFeatures,
+    block_length,
+    resting,
 )
+from tex_lightning.senses.features.proportions import BandProportions, hop_length
+from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 
 def traced_start(trace: Tensor, sampling_rate: float) -> Tensor:
@@ -72,6 +74,28 @@ def movement(trace: Tensor, start: Tensor, least: int) -> Tensor:
     promise(begin >= 0)
     promise(begin <= trace.shape[-1] - least)
     return trace[:, begin:]
+
+
+def without_rests(trace: Tensor, sampling_rate: float, least: int) -> Tensor:
+    """Return the samples (axes, samples) of the movement; at least ``least`` are promised."""
+    length = block_length(sampling_rate)
+    if length is None:
+        return trace
+    kept = (~resting(trace, sampling_rate, length)).nonzero()[:, 0]
+    promise(kept.shape[0] >= least)
+    return trace.index_select(1, kept)
+
+
+def before_last_rest(trace: Tensor, sampling_rate: float, least: int) -> Tensor:
+    """Return a signal (axes, samples) without a rest at its end likewise."""
+    length = block_length(sampling_rate)
+    if length is None:
+        return trace
+    moving = ~resting(trace, sampling_rate, length)
+    end: Any = (moving * torch.arange(1, trace.shape[-1] + 1)).amax(dim=0).item()
+    promise(end >= least)
+    promise(end <= trace.shape[-1])
+    return trace[:, :end]
 
 
 class BandPower(nn.Module):
@@ -171,6 +195,7 @@ class SpectrogramGraph(nn.Module):
         if features.skip_impact:
             start = traced_start(trace, features.sampling_rate)
             trace = movement(trace, start, features.window_length)
+            trace = before_last_rest(trace, features.sampling_rate, features.window_length)
         trace = trace - trace.mean(dim=-1, keepdim=True)
         magnitudes = self.power(trace).sqrt()
         return features.normalise(magnitudes)[None, None], start
@@ -195,10 +220,12 @@ class ProportionsGraph(nn.Module):
 
     def forward(self, trace: Tensor) -> Tensor:
         """Map a trace (axes, samples) to proportions (1, 1, bands, fragments)."""
-        features, samples = self.features, trace.shape[-1]
+        features = self.features
         if features.skip_impact:
             start = traced_start(trace, features.sampling_rate)
             trace = movement(trace, start, features.min_samples)
+            trace = without_rests(trace, features.sampling_rate, features.min_samples)
+        samples, trace = trace.shape[-1], features.filled(trace)
         centred = trace - trace.mean(dim=-1, keepdim=True)
         responses = []
         for index, power in zip(features.used, self.powers, strict=True):

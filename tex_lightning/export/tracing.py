@@ -15,7 +15,8 @@ from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.errors import UserError, shorten
 from tex_lightning.export.graph import DRAWS, ClassifierGraph
 from tex_lightning.senses.base import Sense
-from tex_lightning.senses.features.spectrogram import KNOWN_SECONDS, SpectrogramFeatures
+from tex_lightning.senses.features.movement import KNOWN_SECONDS
+from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 WINDOWS = 3  # of the network, that the recordings have with which it is traced
 SIDE = 400  # pixels of a photo for a network that does not say what it needs

@@ -26,7 +26,8 @@ from tex_lightning.config import DecisionConfig, EngineConfig
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import Costs, accelerate, count_macs
 from tex_lightning.senses.base import Sense
-from tex_lightning.senses.features.spectrogram import SpectrogramFeatures, movement_start
+from tex_lightning.senses.features.movement import movement_start
+from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 MAX_VOTE, SEQUENTIAL = "max_vote", "sequential"
 MAX_WASTE = 0.5  # of the full pass, that undecided beginnings of a trace may cost

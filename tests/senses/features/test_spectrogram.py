@@ -7,11 +7,11 @@ from scipy.signal import ShortTimeFFT, spectrogram
 
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.errors import UserError
+from tex_lightning.senses.features.movement import moving
 from tex_lightning.senses.features.spectrogram import (
     SpectrogramFeatures,
     mel_centres,
     mel_filters,
-    movement_start,
 )
 
 
@@ -149,34 +149,11 @@ def test_channels_are_exact_on_real_traces(shared):
     traces = [torch.from_numpy(SignalDecoder().decode(file)[0]) for file in files]
     features.fit([features.magnitudes(trace) for trace in traces])
     for trace in traces:
-        exact = scipys(trace[:, movement_start(trace, 10_000) :])[:50].astype(np.float32)
+        exact = scipys(moving(trace, 10_000, pieces=False))[:50].astype(np.float32)
         expected = features.normalise(torch.from_numpy(exact))
         found = features(trace)[0, 0]
         assert_near(found, expected, 2e-4)
         assert_near(found[1:], expected[1:], 1e-4)
-
-
-def test_skips_the_touch_but_no_movement():
-    quiet, movement = 0.001 * noise(0.5), 0.3 * noise(3.0, seed=1)
-    touch = torch.zeros(1, 500)
-    touch[0, 0] = 5.0
-    start = movement_start(torch.cat((quiet, touch, movement), dim=1), 10_000)
-    assert start == 5000 + 2000
-    assert movement_start(movement, 10_000) == 0
-
-
-def test_a_touch_is_the_same_as_soon_as_the_movement_after_it_is_known():
-    trace = torch.cat((0.001 * noise(1.5), 0.3 * noise(3.0, seed=1)), dim=1)
-    starts = [movement_start(trace[:, :end], 10_000) for end in range(14_000, 45_000, 500)]
-    assert sorted(set(starts)) == [0, 17_000]
-    assert starts == sorted(starts)
-    assert movement_start(trace[:, :18_010], 10_000) == 17_000
-
-
-def test_gravity_does_not_hide_the_touch():
-    trace = torch.cat((0.001 * noise(0.5, 3), 0.5 * noise(2.0, 3)), dim=1)
-    trace += torch.tensor([[0.1], [0.99], [0.0]])
-    assert 7000 <= movement_start(trace, 10_000) <= 7010
 
 
 def test_a_trace_below_one_window_is_refused():

@@ -9,6 +9,7 @@ from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
 from tex_lightning.senses.features.dft321 import dft321
+from tex_lightning.senses.features.movement import moving
 
 MAX_WINDOW = 1 << 16  # samples: 6 s at 10 kHz, a third of a second at 200 kHz
 MAX_OVERLAP = 100  # hops in a window
@@ -73,13 +74,6 @@ def mean_filters(heights: Tensor) -> Tensor:
 Axes = Literal["frame", "trace"]
 Normalisation = Literal["standard", "paper"]
 Scale = Literal["mel", "linear"]
-QUIET_SECONDS = 0.1  # the level before the touch is taken over this time
-MIN_QUIET = 20  # samples that a level takes; at a lower rate no touch is looked for
-IMPACT_FACTOR = 20.0  # a touch is this many times louder than the quiet before it
-SETTLING_SECONDS = 0.2  # from the touch to steady movement
-STEADY_FACTOR = 10.0  # steady movement is this many times louder than the quiet before the touch
-SEARCH_SECONDS = 2.0  # later bursts are part of the movement
-KNOWN_SECONDS = SEARCH_SECONDS + SETTLING_SECONDS + QUIET_SECONDS  # then nothing changes the start
 BLOCK = 512  # frames; their spectra take 1 MB, fewer are too few for two threads
 FLOOR = 1e-3  # of the training set's mean magnitude; below it the logarithm is flat
 
@@ -183,10 +177,12 @@ class SpectrogramFeatures(nn.Module):
 
     def count_frames(self, trace: Tensor) -> int:
         """Count the frames that :meth:`magnitudes` gives for (axes, samples); 0 if too short."""
-        samples = trace.shape[-1]
-        if self.skip_impact:
-            samples -= movement_start(trace, self.sampling_rate)
+        samples = self.movement(trace).shape[-1]
         return self.frames(samples)
+
+    def movement(self, trace: Tensor) -> Tensor:
+        """Return the part (axes, samples) of a signal that frames are cut from."""
+        return moving(trace, self.sampling_rate, pieces=False) if self.skip_impact else trace
 
     def frames(self, samples: int) -> int:
         """Return frames that so many samples of movement give; 0 if too few."""
@@ -196,12 +192,11 @@ class SpectrogramFeatures(nn.Module):
         """Return the samples of movement that so many frames are cut from."""
         return (frames - 1) * self.hop_length + self.window_length
 
-    def magnitudes(self, trace: Tensor, start: int | None = None) -> Tensor:
+    def magnitudes(self, trace: Tensor) -> Tensor:
         """Return spectrogram before normalisation.
 
         Args:
             trace: (axes, samples).
-            start: First sample of the movement; None finds it, as ``skip_impact`` says.
 
         Returns:
             Magnitudes (bands, frames), not negative.
@@ -209,9 +204,7 @@ class SpectrogramFeatures(nn.Module):
         Raises:
             UserError: If the signal is shorter than one window.
         """
-        if start is None:
-            start = movement_start(trace, self.sampling_rate) if self.skip_impact else 0
-        movement = trace[:, start:]
+        movement = self.movement(trace)
         samples = movement.shape[-1]
         if samples < self.window_length:
             raise UserError(
@@ -300,29 +293,3 @@ class SpectrogramFeatures(nn.Module):
     def forward(self, trace: Tensor) -> Tensor:
         """Convert a trace (axes, samples) to network input (1, 1, bands, frames)."""
         return self.normalise(self.magnitudes(trace))[None, None]
-
-
-def movement_start(trace: Tensor, sampling_rate: float) -> int:
-    """Return first sample of steady movement: 0.2 s after a touch that breaks a quiet beginning.
-
-    A recording that starts while the tool already moves has no such touch and is kept whole: a
-    burst is a touch only if the 0.1 s of movement after it are louder than the beginning as well.
-
-    Args:
-        trace: (axes, samples).
-        sampling_rate: Sampling rate in Hz.
-    """
-    quiet, settling = int(QUIET_SECONDS * sampling_rate), int(SETTLING_SECONDS * sampling_rate)
-    search, known = int(SEARCH_SECONDS * sampling_rate), int(KNOWN_SECONDS * sampling_rate)
-    trace = trace[:, :known].cpu()  # the sums are float64, which not every device has
-    if quiet < MIN_QUIET or trace.shape[-1] < 2 * quiet + settling:
-        return 0
-    # the median is gravity or an offset: a mean would be drawn towards the movement
-    centred = trace - trace[:, :quiet].median(dim=-1, keepdim=True).values
-    strength = centred.square().sum(dim=0).sqrt()
-    level = strength[:quiet].mean()
-    after = strength[quiet + settling :].double().cumsum(0)  # a later sample changes no sum
-    steady = after[quiet:] - after[:-quiet] > STEADY_FACTOR * level * quiet
-    burst = strength[quiet:search] > IMPACT_FACTOR * level
-    touches = (burst[: len(steady)] & steady[: len(burst)]).nonzero()
-    return quiet + int(touches[0]) + settling if len(touches) else 0

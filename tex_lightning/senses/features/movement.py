@@ -1,0 +1,102 @@
+"""Where a tool moves: after the touch that begins a stroke, and without the rests in it.
+
+A recording goes on while the tool is lifted or stands still. What the sensor gives then is its own
+noise, which tells nothing of the material, and would count like the movement.
+"""
+
+import torch
+from torch import Tensor
+from torch.nn.functional import pad
+
+QUIET_SECONDS = 0.1  # the level before the touch is taken over this time
+MIN_QUIET = 20  # samples that a level takes; at a lower rate no touch is looked for
+IMPACT_FACTOR = 20.0  # a touch is this many times louder than the quiet before it
+SETTLING_SECONDS = 0.2  # from the touch to steady movement
+STEADY_FACTOR = 10.0  # steady movement is this many times louder than the quiet before the touch
+SEARCH_SECONDS = 2.0  # later bursts are part of the movement
+KNOWN_SECONDS = SEARCH_SECONDS + SETTLING_SECONDS + QUIET_SECONDS  # then nothing changes the start
+BLOCK_SECONDS = 0.05  # over which it is judged whether the tool moves
+REST_SECONDS = 0.4  # a shorter pause, as where a stroke turns, belongs to the movement
+REST_POWER = 0.002  # of the loud blocks' power; in a stroke it falls to 0.003 for 0.3 s at most
+LOUD = 9  # tenths of the blocks that are quieter than what is called loud: so many may be rest
+
+
+def movement_start(trace: Tensor, sampling_rate: float) -> int:
+    """Return first sample of steady movement: 0.2 s after a touch that breaks a quiet beginning.
+
+    A recording that starts while the tool already moves has no such touch and is kept whole: a
+    burst is a touch only if the 0.1 s of movement after it are louder than the beginning as well.
+
+    Args:
+        trace: (axes, samples).
+        sampling_rate: Sampling rate in Hz.
+    """
+    quiet, settling = int(QUIET_SECONDS * sampling_rate), int(SETTLING_SECONDS * sampling_rate)
+    search, known = int(SEARCH_SECONDS * sampling_rate), int(KNOWN_SECONDS * sampling_rate)
+    trace = trace[:, :known].cpu()  # the sums are float64, which not every device has
+    if quiet < MIN_QUIET or trace.shape[-1] < 2 * quiet + settling:
+        return 0
+    # the median is gravity or an offset: a mean would be drawn towards the movement
+    centred = trace - trace[:, :quiet].median(dim=-1, keepdim=True).values
+    strength = centred.square().sum(dim=0).sqrt()
+    level = strength[:quiet].mean()
+    after = strength[quiet + settling :].double().cumsum(0)  # a later sample changes no sum
+    steady = after[quiet:] - after[:-quiet] > STEADY_FACTOR * level * quiet
+    burst = strength[quiet:search] > IMPACT_FACTOR * level
+    touches = (burst[: len(steady)] & steady[: len(burst)]).nonzero()
+    return quiet + int(touches[0]) + settling if len(touches) else 0
+
+
+def block_length(sampling_rate: float) -> int | None:
+    """Return the samples of a block; None at a rate that is too low to tell rest from movement."""
+    if int(QUIET_SECONDS * sampling_rate) < MIN_QUIET:
+        return None
+    return max(MIN_QUIET, int(BLOCK_SECONDS * sampling_rate))
+
+
+def resting(trace: Tensor, sampling_rate: float, length: int) -> Tensor:
+    """Return which samples (samples,) of a signal (axes, samples) belong to a rest.
+
+    A rest is at least 0.4 s of blocks whose power without their mean is far below that of the loud
+    ones. It can be traced for export.
+
+    Args:
+        trace: (axes, samples), at least one block long.
+        sampling_rate: Sampling rate in Hz.
+        length: Samples of a block.
+    """
+    run = max(1, round(REST_SECONDS * sampling_rate / length))
+    count = trace.shape[-1] // length
+    blocks = trace[:, : count * length].reshape(trace.shape[0], count, length)
+    power = blocks.var(dim=-1, correction=0).sum(dim=0)
+    loud = power.sort().values[LOUD * (count - 1) // 10]
+    quiet = pad((power < REST_POWER * loud).to(trace.dtype), (run - 1, run - 1))
+    rest = sums((sums(quiet, run) == run).to(trace.dtype), run) > 0  # in some run of quiet blocks
+    block = torch.arange(trace.shape[-1], device=trace.device) // length
+    return rest[block.clamp(max=count - 1)]
+
+
+def sums(values: Tensor, length: int) -> Tensor:
+    """Return the sum of every ``length`` neighbours of (n,): (n - length + 1,)."""
+    total = pad(values.cumsum(dim=0), (1, 0))
+    return total[length:] - total[:-length]
+
+
+def moving(trace: Tensor, sampling_rate: float, *, pieces: bool = True) -> Tensor:
+    """Return the movement in a signal: from its start on, and without rests.
+
+    Args:
+        trace: (axes, samples).
+        sampling_rate: Sampling rate in Hz.
+        pieces: Also leave out rests in the middle; else only those at the end, so that a sample's
+            number still tells its time.
+    """
+    trace = trace[:, movement_start(trace, sampling_rate) :]
+    length = block_length(sampling_rate)
+    if length is None or trace.shape[-1] < length:
+        return trace
+    rest = resting(trace, sampling_rate, length)
+    if not bool(rest.any()):
+        return trace
+    kept = (~rest).nonzero()[:, 0]
+    return trace[:, kept] if pieces else trace[:, : int(kept[-1]) + 1]
