@@ -27,13 +27,22 @@ def test_a_group_is_in_one_part_and_no_part_is_empty(rows, parts):
 def test_what_is_left_out_leaves_every_class_some_rows(rows):
     labels, groups = zip(*rows, strict=True)
     parts = leave_out(labels, groups)
-    of_class = Counter(label for label, _ in set(rows))
-    if min(of_class.values()) < 2:
-        assert parts == []
-        return
-    assert len(set(zip(groups, parts, strict=True))) == len(set(groups))
-    seen = Counter(label for label, _ in set(zip(labels, parts, strict=True)))
-    assert min(seen.values()) > 1
+    grouped, counts = Counter(label for label, _ in set(rows)), Counter(labels)
+    for label in counts:
+        of_class = {part for row, part in zip(rows, parts, strict=True) if row[0] == label}
+        assert of_class == {-1} if counts[label] == 1 else len(of_class) > 1 and -1 not in of_class
+    whole = [pair for pair in zip(rows, parts, strict=True) if grouped[pair[0][0]] > 1]
+    assert len({(group, part) for (_, group), part in whole}) == len({row[1] for row, _ in whole})
+
+
+def test_what_has_no_other_group_is_left_out_by_recording_and_versions_of_one_stay_together():
+    labels, groups = [0, 0, 0, 1, 1, 1, 1, 2, 2], ["a", "b", "c", "d", "d", "d", "d", "e", "e"]
+    recordings = [0, 1, 2, 3, 3, 4, 5, 6, 6]
+    parts = leave_out(labels, groups, recordings)
+    assert len(set(parts[:3])) == 3
+    assert parts[3] == parts[4]
+    assert len(set(parts[3:7])) == 3
+    assert parts[7:] == [-1, -1]  # both are versions of the only recording
 
 
 def test_a_rare_class_counts_as_much_as_a_common_one():

@@ -36,8 +36,11 @@ def test_recordings_left_out_are_as_novel_as_new_ones():
     statistics = FeatureStatistics.of(rows, labels, 3)
     assert found.mean() == pytest.approx(statistics.novelty(new).mean().item(), rel=0.1)
     assert statistics.novelty(rows).mean() < found.mean()
-    assert left_out_novelties(rows[:4], labels[:4], 3, groups[:4]) == []  # of two there is but one
-    assert left_out_novelties(rows, labels, 3, [str(label) for label in labels.tolist()]) == []
+    novelties = left_out_novelties(rows[:4], labels[:4], 3, groups[:4])
+    assert [x is None for x in novelties] == [False, True, True, False]  # of two there is but one
+    assert left_out_novelties(rows[:3], labels[:3], 3, groups[:3]) == []
+    alone = left_out_novelties(rows, labels, 3, [str(label) for label in labels.tolist()])
+    torch.testing.assert_close(torch.tensor(alone), found)  # recordings are left out
 
 
 def test_as_many_known_recordings_are_rejected_as_asked_where_four_are_tiles_of_a_photo():

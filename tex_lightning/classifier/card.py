@@ -286,7 +286,8 @@ def _check_values(where: str, value: object) -> None:
             _check_values(f"{where}.{name}", part)
     elif where.startswith((f"calibration.{NOVELTIES}", "input_ranges", "training.left_out")):
         for number in value if isinstance(value, list) else [value]:
-            _check_number(where, number, 0, math.inf)
+            if number is not None:  # of a recording that is never left out
+                _check_number(where, number, 0, math.inf)
     elif key in CHOICES and value not in CHOICES[key]:
         raise ValueError(f"its {where} is {shorten(repr(value))}")
     elif key in RANGES and not (value is None and key in OPTIONAL):

@@ -52,21 +52,54 @@ def divide(kinds: Sequence[Hashable], groups: Sequence[Hashable], parts: int) ->
     return [part_of[group] for group in groups]
 
 
-def leave_out(labels: Sequence[int], groups: Sequence[Hashable]) -> list[int]:
-    """Choose the part, of at most ten, in which each row is left out with its whole group.
+def leave_out(
+    labels: Sequence[int],
+    groups: Sequence[Hashable],
+    recordings: Sequence[Hashable] | None = None,
+) -> list[int]:
+    """Choose the part, of at most ten, in which each row is left out.
+
+    What is left out as a whole is a group; of a class that has but one group a recording, of which
+    the others are not independent; a class of one recording always stays.
 
     Args:
         labels: Class of each row.
         groups: Group of each row.
+        recordings: Recording of each row; None takes every row for one.
 
     Returns:
-        The part of each row; every class has rows outside of each part. Empty where a class has but
-        one group, which cannot be left out.
+        The part of each row, and -1 where it always stays; every class has rows outside of each
+        part. Nothing is left out where every class has but one recording.
+
+    Example:
+        >>> from tex_lightning.core.groups import leave_out
+        >>> leave_out([0, 0, 0, 1, 1, 2], ["a", "b", "b", "c", "c", "d"])
+        [1, 0, 0, 1, 0, -1]
     """
-    together = list(zip(labels, groups, strict=True))
-    if min(Counter(label for label, _ in set(together)).values()) < 2:
-        return []
-    numbers = {group: number for number, group in enumerate(dict.fromkeys(groups))}
-    parts = divide(labels, groups, min(PARTS, len(numbers)))
-    seen = Counter(label for label, _ in set(zip(labels, parts, strict=True)))
-    return parts if min(seen.values()) > 1 else [numbers[group] for group in groups]
+    units = left_out_units(labels, groups, recordings)
+    rows = [row for row, unit in enumerate(units) if unit is not None]
+    kinds, some = [labels[row] for row in rows], [units[row] for row in rows]
+    numbers = {unit: number for number, unit in enumerate(dict.fromkeys(some))}
+    parts = divide(kinds, some, min(PARTS, len(numbers)))
+    seen = Counter(label for label, _ in set(zip(kinds, parts, strict=True)))
+    if rows and min(seen.values()) < 2:
+        parts = [numbers[unit] for unit in some]
+    chosen = dict(zip(rows, parts, strict=True))
+    return [chosen.get(row, -1) for row in range(len(labels))]
+
+
+def left_out_units(
+    labels: Sequence[int],
+    groups: Sequence[Hashable],
+    recordings: Sequence[Hashable] | None = None,
+) -> list[tuple[str, Hashable] | None]:
+    """Return the unit that each row is left out with, see :func:`leave_out`; None if it stays."""
+    rows = list(zip(labels, groups, recordings or range(len(labels)), strict=True))
+    grouped = Counter(label for label, _ in {(label, group) for label, group, _ in rows})
+    recorded = Counter(label for label, _ in {(label, recording) for label, _, recording in rows})
+    return [
+        ("group", group) if grouped[label] > 1
+        else ("recording", recording) if recorded[label] > 1
+        else None
+        for label, group, recording in rows
+    ]  # fmt: skip

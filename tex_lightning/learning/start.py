@@ -4,6 +4,7 @@ import hashlib
 import inspect
 import json
 import logging
+from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -27,7 +28,7 @@ from tex_lightning.data.banks import Bank, Indices, InputBank, PhotoBank, mirror
 from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, listed
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.learning.module import SurfaceModule
 from tex_lightning.networks.linear import LinearNet, fit_temperature
@@ -104,7 +105,7 @@ def start_network(
     """Load the trunk's weights, and fit the layers that have a closed form.
 
     That is VisualNet's head on pretrained features, and a network of signals that has a method
-    ``fit(inputs, labels)`` or ``fit(inputs, labels, groups)``, as
+    ``fit(inputs, labels)``, which may take ``groups`` and ``recordings``, too, as
     :class:`~tex_lightning.networks.linear.LinearNet`.
 
     Args:
@@ -123,6 +124,8 @@ def start_network(
     if module.kind == FUSION:
         return
     network, (bank, labels) = module.network, batches.banks[module.kind]
+    if hasattr(network, "fit") or scores_textures(network):
+        _tell_single_groups(labels, groups, module.classifier.card.classes)
     if hasattr(network, "fit"):
         with calling(f"model.{module.kind}.network", "network", network):
             fit_closed_form(network, bank, labels, groups)
@@ -132,6 +135,18 @@ def start_network(
         module.to(device)
         fit_linear_head(module, cast(PhotoBank, bank), labels, groups, engine)
         module.to("cpu")
+
+
+def _tell_single_groups(labels: Indices, groups: Sequence[str], classes: Sequence[str]) -> None:
+    """Say which classes have several recordings of one group, which cannot be left out whole."""
+    known = {*zip(labels.tolist(), groups, strict=True)}
+    counts, grouped = Counter(labels.tolist()), Counter(label for label, _ in known)
+    single = [classes[label] for label in counts if counts[label] > grouped[label] == 1]
+    if single:
+        log_once(
+            log, f"All recordings of {listed(single)} are of one group. Settings and probabilities "
+            "are fitted by leaving them out one by one, which is optimistic about new groups.",
+        )  # fmt: skip
 
 
 def fits_probabilities(classifier: SurfaceClassifier) -> bool:
@@ -148,12 +163,17 @@ def scores_textures(network: nn.Module) -> bool:
 
 
 def fit_closed_form(network: Any, bank: Bank, labels: Indices, groups: Sequence[str]) -> None:  # noqa: ANN401
-    """Fit a network that has a method ``fit`` to all recordings and their perturbed copies."""
+    """Fit a network that has a method ``fit`` to all recordings and their perturbed copies.
+
+    It gets the ``groups`` of the inputs, and which of the ``recordings`` each is a version of, if
+    it takes them.
+    """
     inputs = cast(InputBank, bank).inputs
     given: list[Any] = [inputs, torch.from_numpy(np.resize(labels, len(inputs)))]
-    if "groups" in inspect.signature(network.fit).parameters:
-        given.append([*groups] * (len(inputs) // len(labels)))
-    network.fit(*given)
+    offered: dict[str, Sequence[Any]] = {"groups": groups, "recordings": range(len(labels))}
+    takes = inspect.signature(network.fit).parameters
+    versions = len(inputs) // len(labels)
+    network.fit(*given, **{name: [*x] * versions for name, x in offered.items() if name in takes})
 
 
 def fit_linear_head(
@@ -193,7 +213,7 @@ def fit_linear_head(
     with threadpool_limits(limits=1):  # on so few rows threads wait for each other
         weights, biases = fit(rows, labels[numbers])
         parts = np.array(leave_out(labels.tolist(), groups))
-        sharpness = _sharpness(fit, rows, labels[numbers], parts[numbers]) if len(parts) else 1.0
+        sharpness = _sharpness(fit, rows, labels[numbers], parts[numbers])
     layer = module.network.head.score_layer
     with torch.no_grad():
         layer.weight.copy_(torch.from_numpy(sharpness * scale * weights)[:, :, None, None])
@@ -212,14 +232,21 @@ def _sharpness(
         fit: Gives weights and biases.
         rows: Features of views of the photos.
         targets: Class index of each view.
-        parts: The part in which each view is left out.
+        parts: The part in which each view is left out, -1 for none.
+
+    Returns:
+        1 where every class has but one photo.
     """
+    tested = parts >= 0
+    if not tested.any():
+        return 1.0
     scores = np.empty((len(rows), targets.max() + 1))
-    for part in np.unique(parts):
+    for part in np.unique(parts[tested]):
         out = parts == part
         weights, biases = fit(rows[~out], targets[~out])
         scores[out] = rows[out] @ weights.T + biases
-    return 1 / fit_temperature(list(torch.from_numpy(scores)[:, :, None]), targets.tolist())
+    left_out = list(torch.from_numpy(scores[tested])[:, :, None])
+    return 1 / fit_temperature(left_out, targets[tested].tolist())
 
 
 def _regression(rows: Floats, targets: Labels, strength: float) -> tuple[Floats, Floats]:

@@ -4,6 +4,7 @@ These are statistics of the features of every class, and on the validation fold 
 thresholds, and the novelties that set ``decision.unknown``.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, cast
@@ -35,7 +36,7 @@ def keep_statistics(
     engine: EngineConfig,
     *,
     frozen: bool,
-) -> dict[str, list[float]]:
+) -> dict[str, list[float | None]]:
     """Set the :attr:`~SurfaceClassifier.statistics` of every sense of a trained classifier.
 
     Args:
@@ -52,7 +53,7 @@ def keep_statistics(
     Raises:
         UserError: If features are NaN, or their squares overflow, of weights that are finite.
     """
-    novelties: dict[str, list[float]] = {}
+    novelties: dict[str, list[float | None]] = {}
     classes = classifier.card.classes
     fast = accelerate(classifier.eval(), engine)
     for name, sense in classifier.senses.items():
@@ -77,7 +78,7 @@ def keep_statistics(
 
 def left_out_novelties(
     features: Tensor, labels: Tensor, classes: int, groups: Sequence[str]
-) -> list[float]:
+) -> list[float | None]:
     """Return the novelty of every training recording by statistics without its part of the groups.
 
     Args:
@@ -87,15 +88,17 @@ def left_out_novelties(
         groups: Group of each recording.
 
     Returns:
-        Nothing where a class has but one group, which cannot be left out.
+        None of the only recording of a class; nothing where every class has but one.
     """
     parts = torch.tensor(leave_out(labels.tolist(), groups))
-    novelties = torch.empty(len(parts))
-    for part in set(parts.tolist()):
+    novelties = torch.full((len(parts),), torch.nan)
+    for part in set(parts.tolist()) - {-1}:
         out = parts == part
         statistics = FeatureStatistics.of(features[~out], labels[~out], classes)
         novelties[out] = statistics.novelty(features[out])
-    return novelties.tolist()
+    if not bool((parts >= 0).any()):
+        return []
+    return [None if math.isnan(novelty) else novelty for novelty in novelties.tolist()]
 
 
 def _texture_features(
@@ -156,7 +159,7 @@ def complete_card(
         seed = 0 if fast.fusion is None else fast.seed(**recordings)
         scores.append(fast.fuse([output.partial_logits for output in outputs], seed))
         validated.append([float(cast(Tensor, output.novelty)) for output in outputs])
-    left_out: dict[str, list[float]] = classifier.card.training["left_out"]
+    left_out: dict[str, list[float | None]] = classifier.card.training["left_out"]
     fitted = any(left_out.values()) and fits_probabilities(classifier)
     card = calibrated_card(classifier.card, samples, lambda: scores, fitted=fitted)
     if classifier.statistics and not card.novelties:
@@ -171,7 +174,7 @@ def complete_card(
 
 
 def _left_out(
-    novelties: Mapping[str, Sequence[float]], classifier: SurfaceClassifier, parts: Split
+    novelties: Mapping[str, Sequence[float | None]], classifier: SurfaceClassifier, parts: Split
 ) -> list[list[float]]:
     """Return the novelties of samples of the training by all senses, as far as they are known."""
     if not all(novelties.get(name) for name in classifier.card.sense_names):
@@ -182,7 +185,8 @@ def _left_out(
         for name, modality in modalities.items()
     }
     samples = make_samples(parts.train, classifier.card.modalities)
-    return [
+    rows = [
         [known[name][sample.recordings[modality]] for name, modality in modalities.items()]
         for sample in samples
     ]
+    return [[x for x in row if x is not None] for row in rows if None not in row]
