@@ -1,22 +1,12 @@
-"""LinearNet against scikit-learn: the ridge, what is left out, the probabilities."""
+"""LinearNet: what is chosen, what is out of range, few recordings of a class, the probabilities."""
 
 import numpy as np
 import pytest
 import torch
-from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
-from sklearn.linear_model import Ridge
-from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict
 
-from tex_lightning.networks.linear import (
-    LinearNet,
-    _Ridge,
-    discriminants,
-    equal_scatter,
-    scatter,
-)
+from tex_lightning.networks.linear import LinearNet
 
 CLASSES, BANDS = 3, 12
-SHRINKAGE = 3.0
 
 
 def recordings(each: int, seed: int = 0) -> tuple[list[torch.Tensor], torch.Tensor]:
@@ -29,66 +19,6 @@ def recordings(each: int, seed: int = 0) -> tuple[list[torch.Tensor], torch.Tens
         noise = rng.standard_normal((BANDS, 3 + number % 4))
         inputs.append(torch.from_numpy(centres[label][:, None] + noise).float()[None])
     return inputs, labels
-
-
-@pytest.mark.parametrize("bands", [BANDS, 60])  # fewer and more features than rows
-def test_the_ridge_and_what_it_says_of_rows_that_it_has_not_seen_are_scikit_learns(bands):
-    rng = np.random.default_rng(0)
-    labels = np.repeat(np.arange(CLASSES), [8, 12, 20])  # each class weighs the same
-    rows, strength = rng.standard_normal((40, bands)) + labels[:, None] / 3, 0.05
-    weight = 1 / (CLASSES * np.bincount(labels)[labels])
-    kept = np.ones(bands)
-    kept[3:5] = 0
-    problem = _Ridge(torch.from_numpy(rows), torch.from_numpy(labels), CLASSES)
-    centred = (rows - weight @ rows) * kept
-    targets = np.eye(CLASSES)[labels] - 1 / CLASSES
-    ridge = strength * (weight @ (centred**2).sum(axis=1)) / len(rows)
-    theirs = Ridge(alpha=ridge, fit_intercept=False)
-    groups = np.arange(40) % 5
-    left_out = cross_val_predict(
-        theirs, centred, targets, groups=groups, cv=LeaveOneGroupOut(),
-        params={"sample_weight": weight},
-    )  # fmt: skip
-    gram = problem.gram(torch.from_numpy(kept))
-    ours = problem.held_out(gram, strength, torch.from_numpy(groups))
-    np.testing.assert_allclose(ours, left_out + 1 / CLASSES, atol=1e-8)
-    weights = problem.solve(torch.from_numpy(kept), strength)
-    np.testing.assert_allclose(weights.T, theirs.fit(centred, targets, weight).coef_, atol=1e-8)
-
-
-class Shrunk:
-    """A covariance estimator as scikit-learn takes it."""
-
-    def fit(self, rows: np.ndarray) -> None:
-        covariance = np.cov(rows.T, bias=True)
-        self.covariance_ = covariance + SHRINKAGE * covariance.diagonal().mean() * np.eye(CLASSES)
-
-
-def test_discriminants_of_the_scores_are_scikit_learns_with_equal_priors():
-    rng = np.random.default_rng(0)
-    labels = np.repeat(np.arange(CLASSES), [8, 12, 20])
-    scores = np.eye(CLASSES)[labels] + rng.standard_normal((40, CLASSES)) @ np.diag([1, 0.5, 0.1])
-    coefficients, intercept = discriminants(
-        torch.from_numpy(scores), torch.from_numpy(labels), SHRINKAGE
-    )
-    theirs = LinearDiscriminantAnalysis(
-        "lsqr", priors=np.full(CLASSES, 1 / CLASSES), covariance_estimator=Shrunk()
-    ).fit(scores, labels)
-    size = np.linalg.norm(theirs.coef_) / np.linalg.norm(coefficients)
-    np.testing.assert_allclose(size * coefficients.T, theirs.coef_, atol=1e-10)
-    np.testing.assert_allclose(size * intercept, theirs.intercept_ + np.log(CLASSES), atol=1e-10)
-
-
-def test_levels_are_brought_to_equal_scatter_within_classes():
-    rng = np.random.default_rng(0)
-    labels = torch.arange(2).repeat(500)
-    together = torch.from_numpy(rng.standard_normal((1000, 1)) @ np.ones((1, 3)))
-    rows = 5 * together + torch.from_numpy(rng.standard_normal((1000, 3))) + labels[:, None]
-    even = rows @ equal_scatter(rows, labels)
-    _, within = scatter(even, labels, 0.0)
-    variances = torch.linalg.eigvalsh(within)
-    assert variances.max() < 1.1 * variances.min()
-    torch.testing.assert_close(even.norm(), rows.norm())
 
 
 @pytest.mark.parametrize("tells", [True, False])
@@ -190,3 +120,82 @@ def test_features_of_fusion_are_standardised_or_the_scores():
     expected = (whole[0, 0] - means.mean(dim=0)[:, None]) / means.std(dim=0, correction=0)[:, None]
     torch.testing.assert_close(network.features(whole, "fc2")[0], expected, atol=1e-4, rtol=1e-4)
     torch.testing.assert_close(network.features(whole, "fc3"), network(whole))
+
+
+def rows(values: np.ndarray) -> list[torch.Tensor]:
+    """Features (1, D, 1) of recordings, from (recordings, D)."""
+    return list(torch.from_numpy(values).float()[:, None, :, None])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_left_out_has_not_told_its_label(seed):
+    """Of noise nothing can be known: scores of levels that were whitened by all labels claim it."""
+    rng, levels = np.random.default_rng(seed), 16
+    labels = torch.arange(4).repeat(10)
+    network = LinearNet(4, bands=levels, blocks=[("level", levels)])
+    network.fit(rows(rng.standard_normal((40, levels))), labels)
+    unseen = torch.from_numpy(rng.standard_normal((400, levels))).float()[:, None, :, None]
+    confidence = network(unseen)[:, :, 0].softmax(dim=1).amax(dim=1)
+    assert confidence.mean() < 0.45  # right in a quarter
+
+
+def test_a_strength_at_the_end_of_the_grid_is_gone_beyond():
+    rng = np.random.default_rng(0)
+    labels = torch.arange(2).repeat(20)
+    network = LinearNet(2, bands=200)
+    network.fit(rows(rng.standard_normal((40, 200))), labels)
+    weak = LinearNet(2, bands=200, strength=1.0)
+    weak.fit(rows(rng.standard_normal((40, 200))), labels)
+    small, large = (x.score_layer.weight.norm() for x in (network, weak))
+    assert small < 0.7 * large  # noise is worth no weight
+
+
+def mixed(counts: list[int], seed: int) -> tuple[np.ndarray, torch.Tensor]:
+    """Rows of classes with so many recordings, which vary more than the classes differ."""
+    rng, centres = np.random.default_rng(seed), np.random.default_rng(9).standard_normal((8, 60))
+    labels = torch.repeat_interleave(torch.arange(8), torch.tensor(counts))
+    return centres[labels] + 1.5 * rng.standard_normal((len(labels), 60)), labels
+
+
+def test_a_class_of_one_recording_is_found_beside_classes_of_many():
+    values, labels = mixed([12, 1] * 4, seed=0)
+    network = LinearNet(8, bands=60)
+    network.fit(rows(values), labels)
+    unseen, truth = mixed([50] * 8, seed=1)
+    found = network(torch.stack(rows(unseen)))[:, :, 0].argmax(dim=1)
+    recall = [float((found == label)[truth == label].double().mean()) for label in range(8)]
+    assert np.mean(recall[1::2]) > 0.4  # 0.2 without regard to their number
+    assert np.mean(recall[::2]) > 0.8
+
+
+def test_one_class_of_one_recording_changes_nothing_for_the_others():
+    """Fragments of one recording are alike, and rows of all classes if one class has but one."""
+    rng, centres = np.random.default_rng(4), np.random.default_rng(9).standard_normal((8, 60))
+    labels = torch.repeat_interleave(torch.arange(8), torch.tensor([6] * 7 + [1]))
+    means = centres[labels] + rng.standard_normal((43, 60))
+    inputs = [torch.from_numpy(m[:, None] + 0.01 * rng.standard_normal((60, 9))) for m in means]
+    network = LinearNet(8, bands=60)
+    network.fit([x.float()[None] for x in inputs], labels)
+    unseen, truth = mixed([40] * 7 + [0], seed=1)
+    scores = network(torch.stack(rows(unseen)))[:, :, 0].detach().softmax(dim=1)
+    accuracy = float((scores.argmax(dim=1) == truth).double().mean())
+    assert abs(float(scores.amax(dim=1).mean()) - accuracy) < 0.2  # 0.5 more where fragments told
+
+
+@pytest.mark.parametrize("kind", ["band", "level"])
+def test_what_lies_outside_of_everything_in_training_does_not_decide(kind):
+    rng = np.random.default_rng(0)
+    labels = torch.arange(2).repeat(30)
+    values = np.eye(2)[labels].repeat(6, axis=1) + 0.3 * rng.standard_normal((60, 12))
+    blocks = [("shape", 6), ("level" if kind == "level" else "shape", 6)]
+    bins = None if kind == "level" else [-1] * 6 + [0, 0, 0, 1, 1, 1]
+    network = LinearNet(2, bands=12, blocks=blocks, bins=bins, strength=0.01)
+    network.fit(rows(values), labels)
+    changed = values.copy()
+    changed[:, 6:9] += 100 * (1 - 2 * labels[:, None].numpy())  # towards the other class
+    scores = network(torch.stack(rows(changed)))[:, :, 0]
+    assert (scores.argmax(dim=1) == labels).all()
+    inside = network(torch.stack(rows(values)))[:, :, 0]
+    assert not torch.equal(scores, inside)
+    embedding = network.features(torch.stack(rows(changed)), "fc2")
+    assert embedding[:, 6:9].abs().mean() > 10  # what is unknown still shows

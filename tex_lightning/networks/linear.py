@@ -5,49 +5,129 @@ moment: ridge regression of the classes on the features, as in MiniRocket (Demps
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from itertools import product
+from typing import NamedTuple
 
 import scipy  # whose parts are loaded when they are used
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.core.groups import PARTS, leave_out
+from tex_lightning.core.groups import PARTS, leave_out, left_out_units
 from tex_lightning.networks.blocks import Head, Level
+from tex_lightning.networks.ridge import (
+    Products,
+    Ridge,
+    discriminants,
+    reliability_of_means,
+    reliability_of_one,
+)
 
 MIN_DEVIATION = 1e-3  # of a feature; one that hardly varies says nothing
 SHARPNESS = 10.0  # of scores from about 0 to 1, to begin with
-STRENGTHS = (0.001, 0.01, 0.1, 1.0)  # of the ridge
-LEVEL_SHRINKAGE = 0.001  # of the scatter of levels within classes, in their mean variance
+STRENGTHS = (0.001, 0.01, 0.1, 1.0)  # of the ridge, at first; the grid goes on at its ends
+STRENGTH_LIMITS = (1e-6, 1e4)
+WITHIN = (0.1, 1.0)  # weights of the scatter within recordings, beside none
 OPTIONAL = ("power", "axes")  # kinds of blocks that are left out unless they help
 WHITENED = "level"  # kind of block whose features vary together, as under another pressure
-MAX_ROWS = 2000  # that strength and blocks are chosen on
+MARGIN = 4.0  # over the root of the rows: of few the largest length says little about the next
+MIN_RELIABILITY = 0.05  # of one recording's score
+MANY = 5  # recordings of a class, from which on its scores are as large as with more
+MAX_THINNED = 50  # classes that reliability is measured on
+MAX_ROWS = 600  # that settings are chosen on
+MAX_FRAGMENTS = 400  # that tell the scatter within recordings
+
+
+class Choice(NamedTuple):
+    """Settings that were tried on rows that were left out.
+
+    Attributes:
+        products: Products of the rows by the features in use.
+        within: Weight of the scatter within recordings.
+        ridge: The ridge.
+        scores: Scores (rows, classes) of each row when it was left out.
+        errors: Squared error (rows,) of each, times its weight.
+    """
+
+    products: Products
+    within: float
+    ridge: float
+    scores: Tensor
+    errors: Tensor
+
+    @property
+    def error(self) -> float:
+        """The weighted mean squared error."""
+        return float(self.errors.sum())
+
+
+class RangeGate(nn.Module):
+    """Take out groups of features that lie outside of everything in training.
+
+    Another gain or mount of the sensor, or a hum, is no property of the material. A group becomes
+    zero, the mean of the training, if its mean over the recording is longer than its limit. Groups
+    are what depends on gain and mount (``power``, ``level``), and every frequency band.
+
+    Args:
+        member: Which features each group has, (groups, D).
+
+    Attributes:
+        limits: Largest squared length of each group.
+    """
+
+    member: Tensor
+    limits: Tensor
+
+    def __init__(self, member: Tensor) -> None:
+        super().__init__()
+        self.register_buffer("member", member.float(), persistent=False)
+        self.register_buffer("limits", torch.full((len(member),), torch.finfo().max))
+
+    def learn(self, rows: Tensor) -> None:
+        """Set the limits by the rows (rows, D) of the training."""
+        margin = 1 + MARGIN / len(rows) ** 0.5
+        longest = self.lengths(rows[:, :, None]).amax(dim=0)
+        self.limits.copy_((margin**2 * longest).clamp_min(torch.finfo().tiny))
+
+    def lengths(self, x: Tensor) -> Tensor:
+        """Return squared lengths (B, groups) of the mean of features (B, D, positions...)."""
+        squares: Tensor = x.flatten(2).mean(dim=2).square() @ self.member.to(x.dtype).T
+        return squares
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Return features (B, D, M, N) with zeros in the groups that are out of range."""
+        outside = (self.lengths(x) > self.limits).to(x.dtype) @ self.member.to(x.dtype)
+        return x * (1 - outside.clamp(max=1))[:, :, None, None]
 
 
 class LinearNet(nn.Module):
     """Classify every fragment by a ridge regression on its features.
 
     Every recording is one row, the mean of its fragments, and every class counts alike, however
-    many recordings it has: what varies between the fragments of one recording is not what varies
-    between recordings. Where a class has but one recording, its fragments are the rows. The score
-    of a mean is the mean of the scores, so averaging the fragments' scores is the same as
+    many recordings it has. Where each class has a single recording, its fragments are the rows. The
+    score of a mean is the mean of the scores, so averaging the fragments' scores is the same as
     classifying the whole recording.
 
-    What varies between recordings of one class is noise. Features of the kind ``level`` are
-    brought to equal scatter within the classes before the ridge, and its scores become linear
-    discriminants (Fisher 1936; Hastie et al. 1994, Flexible discriminant analysis): distances to
-    the classes' mean scores in units of the scatter within classes, which is shrunk towards equal
-    scatter.
+    What varies within recordings is noise, too: its scatter may be added to the ridge, unless
+    levels count, which drift. Features of the kind ``level`` are brought to equal scatter within
+    the classes before the ridge, and its scores become linear discriminants (Fisher 1936; Hastie et
+    al. 1994, Flexible discriminant analysis): distances to the classes' mean scores in units of the
+    scatter within classes, which is shrunk towards equal scatter. New recordings have smaller
+    scores of a class the fewer it was fitted to, so that these are scaled by the reliability of a
+    mean of so many.
 
-    The strength of the ridge, and whether blocks of the kinds ``power`` and ``axes`` are used, are
-    chosen on the training recordings: by the squared error on groups of them that are left out of
-    the fit.
+    The strength of the ridge, the weight of the scatter within recordings, and whether blocks of
+    the kinds ``power`` and ``axes`` are used, are chosen on the training recordings: by the squared
+    error on groups of them that are left out of the fit. Groups of features that lie outside of
+    everything in training do not count in a recording (:class:`RangeGate`).
 
     Args:
         classes: Number of materials.
         bands: Features of a fragment, D.
         blocks: Kind and number of the features that belong together, in their order; each block
-            counts alike, however many features it has. None takes all as one.
+            counts alike, however many features it has, and blocks of the kind ``level`` are the
+            last. None takes all as one.
+        bins: Number of the frequency band of each feature, -1 for none; None of all.
         strength: Strength of the ridge, as a share of the mean squared length of a row; None
             chooses it.
         shrinkage: How far the scatter of scores within classes is taken for equal in every
@@ -65,6 +145,7 @@ class LinearNet(nn.Module):
 
     mean: Tensor
     scale: Tensor
+    whitening: Tensor
 
     def __init__(
         self,
@@ -72,15 +153,29 @@ class LinearNet(nn.Module):
         *,
         bands: int,
         blocks: Sequence[tuple[str, int]] | None = None,
+        bins: Sequence[int] | None = None,
         strength: float | None = None,
         shrinkage: float = 30.0,
     ) -> None:
         super().__init__()
         self.classes, self.strength, self.shrinkage = classes, strength, shrinkage
         self.blocks = [("", bands)] if blocks is None else [(kind, size) for kind, size in blocks]
+        self.levels = sum(size for kind, size in self.blocks if kind == WHITENED)
         self.register_buffer("mean", torch.zeros(bands, 1, 1))
         self.register_buffer("scale", torch.ones(bands, 1, 1))
+        self.register_buffer("whitening", torch.eye(self.levels))
         self.head = Head(nn.Sequential(), bands, classes, dropout=0)
+        gate = RangeGate(self._gated([-1] * bands if bins is None else bins))
+        self.head.scores = nn.Sequential(gate, self.score_layer)
+
+    def _gated(self, bins: Sequence[int]) -> Tensor:
+        """Return which features (groups, D) are out of range together."""
+        groups = [torch.tensor(bins) == number for number in sorted({*bins} - {-1})]
+        block = torch.repeat_interleave(torch.arange(len(self.blocks)), self.sizes)
+        groups += [block == index for index, (kind, _) in enumerate(self.blocks) if kind == "power"]
+        if self.levels:
+            groups.append(torch.arange(len(block)) >= len(block) - self.levels)
+        return torch.stack(groups) if groups else torch.zeros(0, len(block))
 
     def forward(self, x: Tensor) -> Tensor:
         """Map features (B, 1, D, L) to class scores before softmax (B, classes, L)."""
@@ -96,9 +191,17 @@ class LinearNet(nn.Module):
             x: Features (B, 1, D, L).
             level: "fc2" for the features (B, D, L), "fc3" for the scores (B, classes, L).
         """
-        standardised = (x.transpose(1, 2) - self.mean) * self.scale
-        scores: Tensor = self.head(standardised, level)
+        x = (x.transpose(1, 2) - self.mean) * self.scale
+        if self.levels:
+            rest, levels = x.tensor_split([-self.levels], dim=1)
+            x = torch.cat((rest, (self.whitening.T @ levels[:, :, 0])[:, :, None]), dim=1)
+        scores: Tensor = self.head(x, level)
         return scores.squeeze(2)
+
+    @property
+    def sizes(self) -> Tensor:
+        """Number of features of each block."""
+        return torch.tensor([size for _, size in self.blocks])
 
     @property
     def score_layer(self) -> nn.Conv2d:
@@ -107,84 +210,154 @@ class LinearNet(nn.Module):
 
     @torch.no_grad()
     def fit(
-        self, inputs: Sequence[Tensor], labels: Tensor, groups: Sequence[str] | None = None
+        self,
+        inputs: Sequence[Tensor],
+        labels: Tensor,
+        groups: Sequence[str] | None = None,
+        recordings: Sequence[int] | None = None,
     ) -> None:
         """Fit the scores to all training recordings at once.
 
         The scores are brought to the size at which the softmax of a recording's mean score is a
-        probability: measured on each group of recordings by what the others say of it, or on each
-        fragment where a class has but one group, which overestimates.
+        probability: measured on each part of the recordings by a fit to the others, or on each
+        fragment where every class has but one recording, which overestimates.
 
         Args:
             inputs: Features (1, D, L) of each recording.
             labels: (recordings,) class indices, each at least once.
             groups: What was recorded together, of each recording; None takes each by itself.
+            recordings: Number of the recording that each input is a version of; None takes each for
+                another.
         """
-        rows, labels, left_out = _rows(inputs, labels.cpu(), groups)
+        counted = recordings or range(len(labels))
+        rows, labels, parts, units = _rows(inputs, labels.cpu(), groups or counted, counted)
         mean, deviation = rows.mean(dim=0), rows.std(dim=0, correction=0)
         scale = torch.where(deviation > MIN_DEVIATION, 1 / deviation, 0)
         share = torch.repeat_interleave(self.sizes.double().rsqrt(), self.sizes)  # of unit length
-        rows = (rows - mean) * scale * share
-        levels = torch.repeat_interleave(self._are(WHITENED), self.sizes)
-        whitening = equal_scatter(rows[:, levels], labels)
-        rows[:, levels] = rows[:, levels] @ whitening
+        rows, within = (rows - mean) * scale * share, _spread(inputs) * scale * share
         some = slice(None, None, math.ceil(len(rows) / MAX_ROWS))
-        kept, strength, held_out = self._choose(rows[some], labels[some], left_out[some])
-        problem = _Ridge(rows, labels, self.classes)
-        weight = problem.solve(kept, strength)
-        offset = problem.share - problem.centre @ weight
-        freedom = max(1, len(rows) - self.classes)  # with which the scatter is known
-        shrinkage = self.shrinkage * self.classes / freedom
-        coefficients, intercept = discriminants(rows @ weight + offset, labels, shrinkage)
-        scores = list(SHARPNESS * (held_out @ coefficients + intercept)[:, :, None])
-        sharpness = SHARPNESS / fit_temperature(scores, labels[some].tolist())
-        weight[levels] = whitening @ weight[levels]
+        ridge = Ridge(rows[some], labels[some], self.classes, within, self.levels)
+        choice = self._choose(ridge, parts[some])
+        factors = self._factors(ridge, choice, parts[some], units[some])
+        sharpness = self._sharpness(ridge, choice, parts[some], factors)
+        whole = Ridge(rows, labels, self.classes, within, self.levels)
+        whitening, weights, bias = self._solve(whole, choice)
+        rows = whole.whitened(rows, whitening) / share
         self.mean.copy_(mean[:, None, None])
         self.scale.copy_(scale[:, None, None])
-        layer = self.score_layer
-        layer.weight.copy_(sharpness * (share[:, None] * weight @ coefficients).T[:, :, None, None])
-        layer.bias = nn.Parameter(
-            (sharpness * (offset @ coefficients + intercept)).to(layer.weight)
-        )
+        self.whitening.copy_(whitening)
+        gate: RangeGate = self.head.scores[0]  # type: ignore[index]
+        gate.learn(rows)
+        weights, bias = (_enlarged(x, factors * sharpness) for x in (share * weights.T, bias))
+        self.score_layer.weight.copy_(weights[:, :, None, None])
+        self.score_layer.bias = nn.Parameter(bias.to(self.score_layer.weight))
 
-    @property
-    def sizes(self) -> Tensor:
-        """Number of features of each block."""
-        return torch.tensor([size for _, size in self.blocks])
+    def _choose(self, ridge: Ridge, parts: Tensor) -> Choice:
+        """Choose the settings with the smallest error on the parts that are left out.
 
-    def _are(self, kind: str) -> Tensor:
-        """Return which blocks are of a kind."""
-        return torch.tensor([block == kind for block, _ in self.blocks])
-
-    def _choose(
-        self, rows: Tensor, labels: Tensor, left_out: Tensor
-    ) -> tuple[Tensor, float, Tensor]:
-        """Choose features and strength by the squared error on parts that are left out.
-
-        Args:
-            rows: (rows, D) standardised.
-            labels: (rows,) class indices.
-            left_out: (rows,) part in which each row is left out.
-
-        Returns:
-            Which features are used (D,), the strength, and the scores (rows, classes) of each row
-            when it was left out.
+        The scatter within recordings is added only if that is better by more than a standard error.
         """
-        problem = _Ridge(rows, labels, self.classes)
-        targets = nn.functional.one_hot(labels, self.classes)
-        least, choice = math.inf, (torch.ones(0), 0.0, torch.ones(0))
+        simple, other = [], []
         for kept in self._subsets():
-            gram = problem.gram(kept)
-            for strength in STRENGTHS if self.strength is None else (self.strength,):
-                scores = problem.held_out(gram, strength, left_out)
-                error = float(problem.weight @ (scores - targets).square().sum(dim=1))
-                if error < least:
-                    least, choice = error, (kept, strength, scores)
-        return choice
+            products = ridge.products(kept)
+            simple.append(self._best_strength(ridge, products, 0, parts))
+            if len(ridge.within) and not self.levels:
+                other += [self._best_strength(ridge, products, x, parts) for x in WITHIN]
+        best = min(simple, key=lambda choice: choice.error)
+        if other:
+            rival = min(other, key=lambda choice: choice.error)
+            gain = (best.errors - rival.errors)[parts >= 0]
+            if gain.sum() > gain.std(correction=0) * len(gain) ** 0.5:
+                best = rival
+        return best
+
+    def _best_strength(
+        self, ridge: Ridge, products: Products, within: float, parts: Tensor
+    ) -> Choice:
+        """Return the choice of strength with the smallest error, inside of what was tried."""
+        targets, weights = ridge.targets, ridge.weights(parts >= 0)
+
+        def tried(strength: float) -> Choice:
+            size = strength * products.size
+
+            def scores(rest: Tensor) -> Tensor:
+                return ridge.scores(ridge.kernel(products, within, size, rest), size, rest)
+
+            left_out = _left_out(scores, parts, self.classes)
+            errors = weights * (left_out - targets).square().sum(dim=1)
+            return Choice(products, within, size, left_out, errors)
+
+        grid = STRENGTHS if self.strength is None else (self.strength,)
+        choices = {strength: tried(strength) for strength in grid}
+        while self.strength is None:
+            best = min(choices, key=lambda strength: choices[strength].error)
+            further = best * 10 if best == max(choices) else best / 10
+            low, high = STRENGTH_LIMITS
+            if min(choices) < best < max(choices) or not low < further < high:
+                break
+            choices[further] = tried(further)
+        return min(choices.values(), key=lambda choice: choice.error)
+
+    def _factors(self, ridge: Ridge, choice: Choice, parts: Tensor, units: Tensor) -> Tensor:
+        """Return by how much the scores of each class are enlarged (classes,), at least 1.
+
+        What share of a score new recordings keep is measured by the parts that are left out, and
+        with as few units as the smallest class has.
+        """
+        classes = range(self.classes)
+        members = [
+            torch.tensor(sorted({*units[ridge.labels == label].tolist()})) for label in classes
+        ]
+        counts = torch.tensor([len(x) for x in members]).clamp_min(1)
+        least = int(counts.min())
+        larger = [label for label in classes if len(members[label]) > least][:MAX_THINNED]
+        if not larger or least >= MANY:
+            return torch.ones(self.classes).double()
+        shares: list[tuple[float, float, float]] = []
+        for label in larger:
+            out = (ridge.labels == label) & ~torch.isin(units, members[label][:least])
+            kernel = ridge.kernel(choice.products, choice.within, choice.ridge, ~out)
+            thinned = _share(ridge.scores(kernel, choice.ridge, ~out)[out], label)
+            divided = len({*parts[ridge.labels == label].tolist()})
+            fitted = float(counts[label]) * (1 - 1 / divided)
+            shares.append((thinned, _share(choice.scores[out], label), fitted))
+        thinned, whole, fitted = (sum(x) / len(larger) for x in zip(*shares, strict=True))
+        one = thinned
+        if fitted > least:
+            one = reliability_of_one(thinned / max(whole, 1e-9), least, fitted)
+        kept = reliability_of_means(min(max(one, MIN_RELIABILITY), 1.0), counts.clamp(max=MANY))
+        return kept.max() / kept
+
+    def _scores(self, ridge: Ridge, choice: Choice, rest: Tensor, factors: Tensor) -> Tensor:
+        """Return the final scores (rows, classes) of all rows by a fit to some of them."""
+        kernel = ridge.kernel(choice.products, choice.within, choice.ridge, rest)
+        scores = ridge.scores(kernel, choice.ridge, rest)
+        coefficients, intercept = self._discriminants(scores[rest], ridge.labels[rest])
+        return _enlarged((scores @ coefficients + intercept).T, factors).T
+
+    def _sharpness(self, ridge: Ridge, choice: Choice, parts: Tensor, factors: Tensor) -> float:
+        """Return the scale under which scores of left-out rows are as confident as correct."""
+        left_out = _left_out(
+            lambda rest: self._scores(ridge, choice, rest, factors), parts, self.classes
+        )[parts >= 0]
+        scores = [*(SHARPNESS * left_out[:, :, None])]
+        return SHARPNESS / fit_temperature(scores, ridge.labels[parts >= 0].tolist())
+
+    def _solve(self, ridge: Ridge, choice: Choice) -> tuple[Tensor, Tensor, Tensor]:
+        """Return whitening, weights (D, classes) and bias (classes,) of the fit to all rows."""
+        products = ridge.products(choice.products.kept)
+        weights, offset, whitening = ridge.solve(products, choice.within, choice.ridge)
+        scores = ridge.whitened(ridge.rows, whitening) @ weights + offset
+        coefficients, intercept = self._discriminants(scores, ridge.labels)
+        return whitening, weights @ coefficients, offset @ coefficients + intercept
+
+    def _discriminants(self, scores: Tensor, labels: Tensor) -> tuple[Tensor, Tensor]:
+        freedom = max(1, len(scores) - self.classes)  # with which the scatter is known
+        return discriminants(scores, labels, self.shrinkage * self.classes / freedom)
 
     def _subsets(self) -> Iterator[Tensor]:
         """Yield which features (D,) are used: with every choice of optional blocks, none first."""
-        kinds = [kind for kind in OPTIONAL if self._are(kind).any()]
+        kinds = [kind for kind in OPTIONAL if any(kind == name for name, _ in self.blocks)]
         for wanted in product((False, True), repeat=len(kinds)):
             left_out = {kind for kind, use in zip(kinds, wanted, strict=True) if not use}
             kept = torch.tensor([kind not in left_out for kind, _ in self.blocks])
@@ -193,125 +366,62 @@ class LinearNet(nn.Module):
 
 
 def _rows(
-    inputs: Sequence[Tensor], labels: Tensor, groups: Sequence[str] | None
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Return a row for each recording, or for each fragment where a class has but one group.
+    inputs: Sequence[Tensor],
+    labels: Tensor,
+    groups: Sequence[Hashable],
+    recordings: Sequence[Hashable],
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Return a row for each recording, or for each fragment where each class has one recording.
 
     Returns:
-        Rows (rows, D), their labels, and the part in which each is left out.
+        Rows (rows, D), their labels, the part in which each is left out, -1 for none, and the
+        number of what it is left out with.
     """
-    left_out = leave_out(labels.tolist(), groups or range(len(labels)))
-    if left_out:
+    parts = torch.tensor(leave_out(labels.tolist(), groups, recordings))
+    named = left_out_units(labels.tolist(), groups, recordings)
+    numbers = {unit: number for number, unit in enumerate(dict.fromkeys(named))}
+    units = torch.tensor([numbers[unit] for unit in named])
+    if bool((parts >= 0).any()):
         rows = torch.stack([features[0].double().mean(dim=1).cpu() for features in inputs])
-        return rows, labels, torch.tensor(left_out)
-    counts = torch.tensor([features.shape[-1] for features in inputs])
+        return rows, labels, parts, units
+    fragments = torch.tensor([features.shape[-1] for features in inputs])
     rows = torch.cat([features[0].T for features in inputs]).cpu().double()
-    return rows, torch.repeat_interleave(labels, counts), torch.arange(len(rows)) % PARTS
+    labels, units = (torch.repeat_interleave(x, fragments) for x in (labels, units))
+    return rows, labels, torch.arange(len(rows)) % PARTS, units
 
 
-class _Ridge:
-    """Ridge regression of the classes on rows, in which every class weighs the same.
+def _spread(inputs: Sequence[Tensor]) -> Tensor:
+    """Return deviations (fragments, D) of some fragments from the means of their recordings."""
+    parts = [(x[0] - x[0].mean(dim=1, keepdim=True)).T for x in inputs if x.shape[-1] > 1]
+    if not parts:
+        return torch.zeros(0, inputs[0].shape[1]).double()
+    fragments = torch.cat(parts).cpu().double()
+    return fragments[:: math.ceil(len(fragments) / MAX_FRAGMENTS)]
+
+
+def _left_out(scores: Callable[[Tensor], Tensor], parts: Tensor, classes: int) -> Tensor:
+    """Return the scores (rows, classes) of each row by a fit without its part, else 0.
 
     Args:
-        rows: (rows, D) float64.
-        labels: (rows,) class indices.
+        scores: Gives the scores of all rows by a fit to those that are marked.
+        parts: (rows,) part in which each row is left out; -1 for none.
         classes: Number of classes.
-
-    Attributes:
-        weight: (rows,) weights, of sum 1.
-        centre: (D,) weighted mean of the rows.
-        share: (classes,) weighted mean of the targets.
     """
-
-    def __init__(self, rows: Tensor, labels: Tensor, classes: int) -> None:
-        counts = torch.bincount(labels, minlength=classes)
-        self.weight = 1 / ((counts > 0).sum() * counts[labels]).double()
-        self.root = self.weight.sqrt()[:, None]
-        targets = nn.functional.one_hot(labels, classes).double()
-        self.centre, self.share = self.weight @ rows, self.weight @ targets
-        self.rows = (rows - self.centre) * self.root
-        self.targets = (targets - self.share) * self.root
-
-    def gram(self, kept: Tensor) -> Tensor:
-        """Return products (rows, rows) of the rows by the features in use (D,)."""
-        rows = self.rows * kept
-        return rows @ rows.T
-
-    def held_out(self, gram: Tensor, strength: float, left_out: Tensor) -> Tensor:
-        """Return the scores (rows, classes) of each row by a fit without its part."""
-        inverse = torch.linalg.inv(gram + _ridge(gram, strength))
-        dual = inverse @ self.targets
-        scores = torch.empty_like(self.targets)
-        for part in set(left_out.tolist()):
-            out = left_out == part
-            scores[out] = self.targets[out] - torch.linalg.solve(inverse[out][:, out], dual[out])
-        return scores / self.root + self.share
-
-    def solve(self, kept: Tensor, strength: float) -> Tensor:
-        """Return the weights (D, classes) of standardised features."""
-        rows = self.rows * kept
-        if len(rows) <= rows.shape[1]:
-            gram = rows @ rows.T
-            dual: Tensor = torch.linalg.solve(gram + _ridge(gram, strength), self.targets)
-            return rows.T @ dual
-        covariance = rows.T @ rows
-        ridge = strength * covariance.trace() / len(rows)
-        identity = torch.eye(len(covariance), dtype=covariance.dtype)
-        weights: Tensor = torch.linalg.solve(covariance + ridge * identity, rows.T @ self.targets)
-        return weights
+    left_out = torch.zeros(len(parts), classes).double()
+    for part in {*parts[parts >= 0].tolist()}:
+        out = parts == part
+        left_out[out] = scores(~out)[out]
+    return left_out
 
 
-def scatter(rows: Tensor, labels: Tensor, shrinkage: float) -> tuple[Tensor, Tensor]:
-    """Return the means of the classes and the scatter within them, in which all weigh the same.
-
-    Args:
-        rows: (rows, D) float64.
-        labels: (rows,) class indices, each at least once.
-        shrinkage: What is added to every variance, as a multiple of their mean.
-
-    Returns:
-        Means (classes, D) and covariance (D, D), never singular.
-    """
-    members = nn.functional.one_hot(labels).double()
-    members /= members.sum(dim=0)
-    means = members.T @ rows
-    spread = (rows - means[labels]) * members.mean(dim=1).sqrt()[:, None]
-    within = spread.T @ spread
-    variance = within.diagonal().mean() if len(within) else torch.zeros(())
-    ridge = (shrinkage * variance).clamp_min(torch.finfo(rows.dtype).eps)
-    return means, within + ridge * torch.eye(len(within), dtype=rows.dtype)
+def _share(scores: Tensor, label: int) -> float:
+    """Return the mean score of a class in (rows, classes), as a share of that of the targets."""
+    return float((scores[:, label] - scores.mean(dim=1)).mean() / (1 - 1 / scores.shape[1]))
 
 
-def equal_scatter(rows: Tensor, labels: Tensor) -> Tensor:
-    """Return the matrix (D, D) after which the scatter within classes is alike in every direction.
-
-    The mean squared length of the rows (rows, D) stays.
-    """
-    _, within = scatter(rows, labels, LEVEL_SHRINKAGE)
-    variances, directions = torch.linalg.eigh(within)
-    whitening: Tensor = directions * variances.rsqrt()
-    whitening *= rows.norm() / (rows @ whitening).norm().clamp_min(1e-300)
-    return whitening
-
-
-def discriminants(scores: Tensor, labels: Tensor, shrinkage: float) -> tuple[Tensor, Tensor]:
-    """Return coefficients (classes, classes) and intercept (classes,) of linear discriminants.
-
-    Args:
-        scores: (rows, classes).
-        labels: (rows,) class indices, each at least once.
-        shrinkage: As of ``scatter``.
-    """
-    means, within = scatter(scores, labels, shrinkage)
-    coefficients: Tensor = torch.linalg.solve(within, means.T)
-    coefficients *= len(coefficients) ** 0.5 / coefficients.norm()
-    return coefficients, -(means * coefficients.T).sum(dim=1) / 2
-
-
-def _ridge(gram: Tensor, strength: float) -> Tensor:
-    """Return the ridge: a multiple of the identity, relative to the mean squared row."""
-    ridge = (strength * gram.trace() / len(gram)).clamp_min(torch.finfo(gram.dtype).tiny)
-    return ridge * torch.eye(len(gram), dtype=gram.dtype)
+def _enlarged(scores: Tensor, factors: Tensor) -> Tensor:
+    """Return scores (classes, ...) around their mean times the factors of the classes."""
+    return (scores - scores.mean(dim=0)) * factors.reshape(-1, *[1] * (scores.dim() - 1))
 
 
 def fit_temperature(logits: Sequence[Tensor], labels: Sequence[int]) -> float:

@@ -341,9 +341,9 @@ def make_sense(name: str, node: Mapping[str, Any], classes: int) -> Sense:
         node: ``_target_``, a subclass of :class:`Sense`; ``modality``; ``decode``, arguments of
             its decoder; ``features`` and ``network``, each a ``_target_`` with arguments. All
             other values are offered to these two, which take what they have parameters for,
-            beside ``classes``, the settings of the decoder and, for the network, the ``bands`` and
-            ``blocks`` that the features say they have; nodes with a ``_target_`` are built
-            before.
+            beside ``classes``, the settings of the decoder and, for the network, the ``bands``,
+            ``blocks`` and ``bins`` that the features say they have; nodes with a ``_target_`` are
+            built before.
         classes: Number of materials.
 
     Raises:
@@ -369,7 +369,7 @@ def make_sense(name: str, node: Mapping[str, Any], classes: int) -> Sense:
         parts[kind] = make(f"{where}.{kind}", node[kind], **offered)
         if not isinstance(parts[kind], nn.Module):
             raise UserError(f"{where}.{kind} gives {shorten(parts[kind])}, which is no nn.Module.")
-        shape = {name: getattr(parts[kind], name, None) for name in ("bands", "blocks")}
+        shape = {name: getattr(parts[kind], name, None) for name in ("bands", "blocks", "bins")}
         offered |= {name: value for name, value in shape.items() if value is not None}
     if not callable(getattr(parts["network"], "features", None)):
         raise UserError(

@@ -6,6 +6,7 @@ frequency and a threshold, and the windows and their bands follow from the data'
 """
 
 import math
+import statistics
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -14,20 +15,19 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
-from tex_lightning.senses.features.spectrogram import (
-    check_window,
-    mean_filters,
-    movement_start,
-    triangles,
-)
+from tex_lightning.senses.features.movement import block_length, moving
+from tex_lightning.senses.features.spectrogram import check_window, mean_filters, triangles
 
 OVERLAP = 4  # frames that every sample is in
 LONGEST_ODD = 1024  # samples; transforms of more are fast if they can be halved
 MIN_SAMPLES = 8  # of a window; at a slow rate the short ones are left out
-WINDOWS_IN_RECORDING = 4  # at least, of the shortest training recording; fewer give no proportion
+# that fit the usual training recording at least, if levels do not count and if they do: fewer give
+# no proportions, nor deviations
+WINDOWS_IN_RECORDING, WINDOWS_IN_SLOW = 2, 4
 LIMITS = {"windows": 16, "bands_per_octave": 48, "thresholds": 64, "levels": 64}
 KEPT = 50_000  # frames, about, that thresholds are learnt from: enough for quantiles
-FLOOR = 1e-7  # of the mean power of the training set; below it the logarithm is flat
+FLOOR = 1e-7  # of the power of a frame; below it the logarithm is flat
+SILENCE = 1e-15  # of the mean power of the training set, likewise
 QUIET = 1e-3  # of a channel's usual deviation, likewise
 MOST_APART = 8  # axes of a slow signal whose bands also count one by one
 SHAPE, POWER, AXES = "shape", "power", "axes"  # kinds of blocks of proportions
@@ -39,12 +39,9 @@ class BandProportions(nn.Module):
 
     The bands of a frame are triangles even in the logarithm of frequency, from one period of the
     window up to half the rate. Axes are joined by adding their power. A band is compared with
-    thresholds in four ways, each a block of features:
-
-    - ``shape``: with the mean of its frame, with the band a third of an octave below, and with
-      itself one window earlier, so that neither the strength of a stroke nor the sensor's gain
-      matters;
-    - ``power``: with the mean power of the training set.
+    thresholds in three ways, each a block of features of the kind ``shape``: with the mean of its
+    frame, with the band a third of an octave below, and with itself one window earlier, so that
+    neither the strength of a stroke nor the sensor's gain matters.
 
     Thresholds are quantiles over the training set, without labels. Beyond the outer ones a
     proportion is 0 or 1, so the means of the first two comparisons are features as well, of the
@@ -53,6 +50,7 @@ class BandProportions(nn.Module):
     A slow signal has few frames, and its direction and level often tell the class. Its further
     blocks are
 
+    - ``power``: proportions of a band compared with the mean power of the training set;
     - ``deviation``: the deviations of all four comparisons;
     - ``axes``: the same proportions of every axis by itself, of 2 to 8 axes;
     - ``level``: mean and logarithm of the deviation of each channel; where all training samples of
@@ -64,11 +62,12 @@ class BandProportions(nn.Module):
         windows: Lengths of the Hann windows in seconds, rounded up to a number of samples with a
             fast transform; a short one resolves the order of events, a long one low bands. Those
             of fewer than eight samples at this rate are left out, and so are those that are longer
-            than a quarter of the shortest training recording, but for the shortest.
+            than half of the usual training recording, or a quarter where levels count, but for the
+            shortest. A shorter recording is mirrored until they fit.
         bands_per_octave: How finely frequency is divided, for each window.
         thresholds: Number of thresholds for each band.
         fragment_seconds: Approximate length of a fragment; a movement is cut into equal ones.
-        skip_impact: Leave out the part before steady movement.
+        skip_impact: Leave out the part before steady movement, and rests.
         levels: Number of channels whose level counts; None or 0 for none.
 
     Raises:
@@ -77,6 +76,7 @@ class BandProportions(nn.Module):
     Attributes:
         bands: Number of features of a fragment, D.
         blocks: Kind and number of features of each block, in their order.
+        bins: Number of the frequency band of each feature, -1 where levels count.
         used: Numbers of the windows in use: those that fit, and the shortest in any case.
         longest: Number of the longest of them, which has the fewest frames.
     """
@@ -111,12 +111,14 @@ class BandProportions(nn.Module):
         self.sampling_rate, self.skip_impact = sampling_rate, skip_impact
         self.fragment_seconds, self.levels = fragment_seconds, levels or 0
         self.apart = self.levels if 1 < self.levels <= MOST_APART else 0
+        self.kinds = (SHAPE, SHAPE, SHAPE, POWER)[: 4 if self.levels else 3]
         self.lengths: list[int] = []
         self.gaps: list[int] = []
         self.sizes: list[tuple[int, ...]] = []  # of the comparisons
         self.widths: list[int] = []  # in features
         self.halves: list[tuple[slice, slice]] = []
         self.blocks: list[tuple[str, int]] = []
+        self.bins: list[int] = []
         for seconds, per_octave in zip(windows, bands_per_octave, strict=True):
             self._add_window(seconds, per_octave, thresholds)
         if not self.lengths:
@@ -126,8 +128,9 @@ class BandProportions(nn.Module):
             )
         self.blocks += [(LEVEL, self.levels)] * 2 if self.levels else []
         self.bands = sum(size for _, size in self.blocks)
+        self.bins = self.bins or [-1] * self.bands
         self.register_buffer("level", torch.ones(()))
-        self.register_buffer("fits", torch.ones(len(self.lengths), dtype=torch.bool))
+        self.register_buffer("fits", torch.zeros(len(self.lengths), dtype=torch.bool))
         self.register_buffer("positive", torch.zeros(self.levels, dtype=torch.bool))
         self.register_buffer("deviation", torch.ones(self.levels))
         self._note_windows()
@@ -150,7 +153,7 @@ class BandProportions(nn.Module):
         index, window = len(self.lengths), torch.hann_window(length, periodic=False)
         self.register_buffer(f"window{index}", window, persistent=False)
         self.register_buffer(f"filters{index}", filters.T.contiguous(), persistent=False)
-        sizes = (bands, bands - gap, bands, bands)
+        sizes = (bands, bands - gap, bands, bands)[: len(self.kinds)]
         self.register_buffer(
             f"thresholds{index}", torch.zeros(thresholds, sum(sizes) * (1 + self.apart))
         )
@@ -158,14 +161,21 @@ class BandProportions(nn.Module):
         self.gaps.append(gap)
         self.halves.append((_reach(filters[: bands // 2]), _reach(filters[bands // 2 :])))
         before = sum(size for _, size in self.blocks)
-        kinds = (SHAPE, SHAPE, SHAPE, POWER)
-        self.blocks += zip(kinds, (size * thresholds for size in sizes), strict=True)
+        self.blocks += zip(self.kinds, (size * thresholds for size in sizes), strict=True)
         if self.apart:
             self.blocks += [(AXES, size * thresholds * self.apart) for size in sizes]
         self.blocks += [(MEAN, size) for size in sizes[:2]]
         self.blocks += [(DEVIATION, sum(sizes))] if self.levels else []
+        if not self.levels:
+            self._add_bins(sizes, gap, thresholds)
         self.sizes.append(sizes)
         self.widths.append(sum(size for _, size in self.blocks) - before)
+
+    def _add_bins(self, sizes: tuple[int, ...], gap: int, thresholds: int) -> None:
+        """Add the band of each feature of a window, where levels do not count."""
+        first, bands = max(self.bins, default=-1) + 1, torch.arange(sizes[0])
+        shapes = [part.repeat_interleave(thresholds) for part in (bands, bands[gap:], bands)]
+        self.bins += (first + torch.cat((*shapes, bands, bands[gap:]))).tolist()
 
     def _note_windows(self, *_: object) -> None:
         """Note the windows that are used, also after weights were loaded."""
@@ -177,23 +187,31 @@ class BandProportions(nn.Module):
     @property
     def min_samples(self) -> int:
         """Samples of movement that a recording has to have."""
-        return self.lengths[self.longest]
+        block = block_length(self.sampling_rate) if self.skip_impact else None
+        return max(min(self.lengths), block or 0)
 
     def movement(self, trace: Tensor) -> Tensor:
-        """Return the steady movement (axes, samples) of a trace.
+        """Return the movement (axes, samples) in a trace.
 
         Raises:
-            UserError: If it is shorter than the longest window that is used.
+            UserError: If it is shorter than the shortest window, or 0.05 s.
         """
         if self.skip_impact:
-            trace = trace[:, movement_start(trace, self.sampling_rate) :]
+            trace = moving(trace, self.sampling_rate)
         if trace.shape[-1] < self.min_samples:
             raise UserError(
-                f"The signal has {trace.shape[-1] / self.sampling_rate:.2f} s of movement, less "
-                f"than one window of {self.min_samples / self.sampling_rate:.3g} s; record a "
-                "longer stroke."
+                f"The signal has {trace.shape[-1] / self.sampling_rate:.2g} s of movement, less "
+                f"than the shortest window of {self.min_samples / self.sampling_rate:.2g} s; "
+                "record a longer stroke."
             )
         return trace
+
+    def filled(self, movement: Tensor) -> Tensor:
+        """Return a movement (axes, samples), mirrored until the longest window fits it."""
+        have, take = movement.shape[-1], self.lengths[self.longest]
+        most: Any = torch.sym_max(have, take)  # type: ignore[no-untyped-call]
+        places = torch.arange(most, device=movement.device) % (2 * have)
+        return movement[:, torch.minimum(places, 2 * have - 1 - places)]
 
     def responses(self, movement: Tensor, index: int) -> Tensor:
         """Return what one window compares with thresholds: (frames, channels), block after block.
@@ -221,9 +239,12 @@ class BandProportions(nn.Module):
             power: (axes, frames, bands).
             index: Number of the window.
         """
-        together = power.sum(dim=0, keepdim=True)
-        logs = [(part / self.level).add_(FLOOR).log_() for part in (together, power)]
-        responses = [compared(bands, self.gaps[index]) for bands in logs[: 1 + bool(self.apart)]]
+        joined = (power.sum(dim=0, keepdim=True), power)[: 1 + bool(self.apart)]
+        responses = []
+        for part in joined:  # a floor of the frame's own power, so that gain leaves its shape
+            floor = FLOOR * part.mean(dim=2, keepdim=True) + SILENCE * self.level
+            logs = ((part + floor) / self.level).log_()
+            responses.append(compared(logs, self.gaps[index], len(self.kinds)))
         return torch.cat(responses, dim=1)
 
     def learn(self, traces: Iterable[Tensor]) -> None:
@@ -235,10 +256,12 @@ class BandProportions(nn.Module):
         self.fits.fill_(False)
         self._note_windows()
         movements = [self.movement(trace) for trace in traces]
-        shortest = min(movement.shape[-1] for movement in movements)
+        usual = statistics.median(movement.shape[-1] for movement in movements)
         lengths = torch.tensor(self.lengths, device=self.fits.device)
-        self.fits.copy_(lengths * WINDOWS_IN_RECORDING <= shortest)
+        least = WINDOWS_IN_SLOW if self.levels else WINDOWS_IN_RECORDING
+        self.fits.copy_(lengths * least <= usual)
         self._note_windows()
+        movements = [self.filled(movement) for movement in movements]
         powers = [movement.var(dim=-1, correction=0).sum() for movement in movements]
         level = torch.stack(powers).mean()
         self.level.copy_(level if level > 0 else torch.ones_like(level))
@@ -273,7 +296,8 @@ class BandProportions(nn.Module):
                 f"The signal has {len(trace)} channels, and this network was trained on "
                 f"{self.levels}; give a recording of the same sensor."
             )
-        seconds, movement = trace.shape[-1] / self.sampling_rate, self.movement(trace)
+        movement = self.movement(trace)
+        seconds, movement = movement.shape[-1] / self.sampling_rate, self.filled(movement)
         responses = [self.responses(movement, index) for index in self.used]
         fewest = len(responses[self.used.index(self.longest)])
         fragments = min(fewest, max(1, round(seconds / self.fragment_seconds)))
@@ -332,8 +356,8 @@ def hop_length(length: int) -> int:
     return max(1, round(length / OVERLAP))
 
 
-def compared(bands: Tensor, gap: int) -> Tensor:
-    """Return log bands (axes, frames, bands) in the four comparisons, side by side.
+def compared(bands: Tensor, gap: int, kinds: int) -> Tensor:
+    """Return log bands (axes, frames, bands) in three or all four comparisons, side by side.
 
     With the mean of the frame, with the band ``gap`` below, with the same band one window earlier
     (the first frames with the first), and as they are.
@@ -343,7 +367,7 @@ def compared(bands: Tensor, gap: int) -> Tensor:
     """
     earlier = (torch.arange(bands.shape[1], device=bands.device) - OVERLAP).clamp_min(0)
     relative, steps = bands - bands.mean(dim=2, keepdim=True), bands[..., gap:] - bands[..., :-gap]
-    comparisons = relative, steps, bands - bands[:, earlier], bands
+    comparisons = (relative, steps, bands - bands[:, earlier], bands)[:kinds]
     return torch.cat([part.transpose(0, 1).flatten(1) for part in comparisons], dim=1)
 
 

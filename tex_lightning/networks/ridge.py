@@ -1,0 +1,213 @@
+"""Ridge regression of classes on rows, by any subset of the rows, and linear discriminants.
+
+Rows are few and features many, so everything is computed from products of rows. In each fit every
+class weighs the same, however many rows it has.
+"""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+LEVEL_SHRINKAGE = 0.001  # of the scatter of levels within classes, in their mean variance
+MIN_VARIANCE = 1e-9  # of a direction within recordings, as a share of the largest
+
+
+class Products(NamedTuple):
+    """Products of rows by the features in use.
+
+    Attributes:
+        kept: Which features are used (D,), 1 or 0.
+        gram: Products (rows, rows) by all features but the levels.
+        across: Rows along the directions of scatter within recordings, (rows, R).
+        directions: These directions (R, D), orthonormal.
+        variances: Variance along each of them (R,).
+        size: Weighted mean squared length of the centred rows, divided by their number.
+    """
+
+    kept: Tensor
+    gram: Tensor
+    across: Tensor
+    directions: Tensor
+    variances: Tensor
+    size: float
+
+
+class Ridge:
+    """Ridge regressions of the classes on subsets of rows.
+
+    Args:
+        rows: (rows, D) float64.
+        labels: (rows,) class indices.
+        classes: Number of classes.
+        within: Deviations (fragments, D) of fragments from the means of their recordings, whose
+            scatter can be added to the ridge.
+        levels: Number of the last features, which each fit brings to equal scatter within the
+            classes of its rows.
+    """
+
+    def __init__(
+        self, rows: Tensor, labels: Tensor, classes: int, within: Tensor, levels: int = 0
+    ) -> None:
+        self.rows, self.labels, self.classes = rows, labels, classes
+        self.within, self.levels = within, levels
+        self.targets = nn.functional.one_hot(labels, classes).double()
+
+    def weights(self, some: Tensor) -> Tensor:
+        """Return weights (rows,) of sum 1 by which every class counts alike; 0 outside ``some``."""
+        counts = torch.bincount(self.labels[some], minlength=self.classes)
+        weights = some / counts.clamp_min(1)[self.labels].double()
+        return weights / weights.sum()
+
+    def products(self, kept: Tensor) -> Products:
+        """Return the products of rows by the features in use, (D,) of 1 or 0."""
+        rows, within = self.rows * kept, self.within * kept
+        values, vectors = torch.linalg.eigh(within @ within.T)
+        large = values > MIN_VARIANCE * values.max() if len(values) else values > 0
+        directions = (vectors[:, large] / values[large].sqrt()).T @ within
+        weights = self.weights(torch.ones_like(self.labels, dtype=torch.bool))
+        size = weights @ rows.square().sum(dim=1) - (weights @ rows).square().sum()
+        others = rows[:, : rows.shape[1] - self.levels]
+        across, variances = rows @ directions.T, values[large] / max(1, len(within))
+        return Products(
+            kept, others @ others.T, across, directions, variances, float(size) / len(rows)
+        )
+
+    def whitened(self, rows: Tensor, whitening: Tensor) -> Tensor:
+        """Return rows (rows, D) with the levels multiplied by a matrix (levels, levels)."""
+        start = rows.shape[1] - self.levels
+        return torch.cat((rows[:, :start], rows[:, start:] @ whitening), dim=1)
+
+    def kernel(self, products: Products, within: float, ridge: float, some: Tensor) -> Tensor:
+        """Return products (rows, rows) after what a fit to some rows does to the features.
+
+        Args:
+            products: Of the features in use.
+            within: Weight of the scatter within recordings.
+            ridge: The ridge.
+            some: (rows,) whether each row is fitted to.
+        """
+        kernel = products.gram
+        if within:
+            variances = within * products.variances
+            kernel = (
+                kernel - products.across * (variances / (ridge + variances)) @ products.across.T
+            )
+        if self.levels:
+            levels = self.rows[:, -self.levels :]
+            levels = levels @ equal_scatter(levels[some], self.labels[some])
+            kernel = kernel + levels @ levels.T
+        return kernel
+
+    def scores(self, kernel: Tensor, ridge: float, some: Tensor) -> Tensor:
+        """Return the scores (rows, classes) of all rows by a fit to some of them."""
+        weights = self.weights(some)
+        mean = kernel @ weights
+        centred = kernel - mean - mean[:, None] + weights @ mean
+        root, share = weights[some].sqrt()[:, None], weights @ self.targets
+        inner = root * centred[some][:, some] * root.T + ridge * torch.eye(len(root)).double()
+        dual = root * torch.linalg.solve(inner, root * (self.targets[some] - share))
+        scores: Tensor = centred[:, some] @ dual + share
+        return scores
+
+    def solve(
+        self, products: Products, within: float, ridge: float
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Fit to all rows.
+
+        Returns:
+            Weights (D, classes) of the features, whose levels have to be brought to equal scatter
+            by the matrix (levels, levels), which is the third, and offset (classes,).
+        """
+        every = torch.ones_like(self.labels, dtype=torch.bool)
+        weights, whitening = self.weights(every), torch.eye(self.levels).double()
+        if self.levels:
+            whitening = equal_scatter(self.rows[:, -self.levels :], self.labels)
+        rows = self.whitened(self.rows * products.kept, whitening)
+        centre, share, root = weights @ rows, weights @ self.targets, weights.sqrt()[:, None]
+        rows, targets = (rows - centre) * root, (self.targets - share) * root
+        variances = within * products.variances
+        if len(rows) > rows.shape[1]:
+            metric = (products.directions.T * variances) @ products.directions
+            metric += ridge * torch.eye(len(metric)).double()
+            solution = torch.linalg.solve(rows.T @ rows + metric, rows.T @ targets)
+        else:
+            shrunk, across = variances / (ridge + variances), rows @ products.directions.T
+            inner = (
+                rows @ rows.T - across * shrunk @ across.T + ridge * torch.eye(len(rows)).double()
+            )
+            solution = rows.T @ torch.linalg.solve(inner, targets)
+            along = products.directions @ solution
+            solution = solution - products.directions.T @ (shrunk[:, None] * along)
+        return solution, share - centre @ solution, whitening
+
+
+def reliability_of_means(one: float, counts: Tensor) -> Tensor:
+    """Return how reliable means of several measurements are (Spearman 1910; Brown 1910).
+
+    Args:
+        one: Reliability of one measurement, above 0 to 1.
+        counts: Number of measurements.
+    """
+    return counts * one / (1 + (counts - 1) * one)
+
+
+def reliability_of_one(ratio: float, fewer: float, more: float) -> float:
+    """Return the reliability of one measurement from the ratio of those of two means.
+
+    Args:
+        ratio: Reliability of a mean of fewer, divided by that of a mean of more.
+        fewer: Number of measurements in the first mean.
+        more: Number in the second, larger.
+    """
+    scaled = ratio * more / fewer
+    return (scaled - 1) / max(more - 1 - scaled * (fewer - 1), 1e-9)
+
+
+def scatter(rows: Tensor, labels: Tensor, shrinkage: float) -> tuple[Tensor, Tensor]:
+    """Return the means of the classes and the scatter within them, in which all weigh the same.
+
+    Args:
+        rows: (rows, D) float64.
+        labels: (rows,) class indices.
+        shrinkage: What is added to every variance, as a multiple of their mean.
+
+    Returns:
+        Means (classes, D), 0 of a class without rows, and covariance (D, D), never singular.
+    """
+    members = nn.functional.one_hot(labels).double()
+    members /= members.sum(dim=0).clamp_min(1)
+    means = members.T @ rows
+    spread = (rows - means[labels]) * members.mean(dim=1).sqrt()[:, None]
+    within = spread.T @ spread
+    variance = within.diagonal().mean() if len(within) else torch.zeros(())
+    ridge = (shrinkage * variance).clamp_min(torch.finfo(rows.dtype).eps)
+    return means, within + ridge * torch.eye(len(within), dtype=rows.dtype)
+
+
+def equal_scatter(rows: Tensor, labels: Tensor) -> Tensor:
+    """Return the matrix (D, D) after which the scatter within classes is alike in every direction.
+
+    The mean squared length of the rows (rows, D) stays.
+    """
+    _, within = scatter(rows, labels, LEVEL_SHRINKAGE)
+    variances, directions = torch.linalg.eigh(within)
+    whitening: Tensor = directions * variances.rsqrt()
+    whitening *= rows.norm() / (rows @ whitening).norm().clamp_min(1e-300)
+    return whitening
+
+
+def discriminants(scores: Tensor, labels: Tensor, shrinkage: float) -> tuple[Tensor, Tensor]:
+    """Return coefficients (classes, classes) and intercept (classes,) of linear discriminants.
+
+    Args:
+        scores: (rows, classes).
+        labels: (rows,) class indices.
+        shrinkage: As of ``scatter``.
+    """
+    means, within = scatter(scores, labels, shrinkage)
+    absent = scores.shape[1] - len(means)  # classes beyond the last that has rows
+    means = nn.functional.pad(means, (0, 0, 0, absent))
+    coefficients: Tensor = torch.linalg.solve(within, means.T)
+    coefficients *= len(coefficients) ** 0.5 / coefficients.norm()
+    return coefficients, -(means * coefficients.T).sum(dim=1) / 2
