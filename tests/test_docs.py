@@ -3,6 +3,8 @@
 import functools
 import re
 import runpy
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -129,6 +131,48 @@ def test_figures_of_the_pages_are_those_of_reports_with_a_commit():
     for page in (ROOT / "README.md", *USER_PAGES):
         quoted = {row[1:3] for row in COUNTED.findall(page.read_text("utf-8"))}
         assert quoted <= reported, page.name
+
+
+QUOTED = re.compile(r"(\d+)(?:/| of (?:the |all )?)(\d\d+)\b")  # correct of tested recordings
+SHARE = re.compile(r"\b(\d+(?:\.\d+)?) %(?! interval)|\b(0\.\d{3})\b")  # accuracies, areas
+CLAIMS = {"README.md", "benchmarks.md", "calibration.md", "choose.md", "evaluate.md",
+          "limitations.md"}  # fmt: skip
+
+
+def statements(page: Path) -> Iterator[str]:
+    """Paragraphs, items and rows of tables, without commands; a row has the sentence below, too."""
+    text = re.sub(r"^```.*?^```$", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
+    parts = re.split(r"\n\n|\n(?=- )", text)
+    for part, after in zip(parts, [*parts[1:], ""], strict=True):
+        rows = part.splitlines() if part.startswith("|") else [part]
+        own = [row if "](" in row or row == part else f"{row} {after}" for row in rows]
+        yield from own
+
+
+def is_reported(figure: str, reports: str) -> bool:
+    """Whether some share, area or ratio of counts in reports reads so when it is rounded."""
+    digits = len(figure.partition(".")[2])
+    found = [float(share or area) for share, area in SHARE.findall(reports)]
+    found += [100 * int(correct) / int(tested) for correct, tested in QUOTED.findall(reports)]
+    return any(f"{value:.{digits}f}" == figure for value in found)
+
+
+@pytest.mark.parametrize("name", sorted(CLAIMS))
+def test_a_measured_figure_stands_beside_the_report_that_has_it(name):
+    page = ROOT / name if name == "README.md" else ROOT / "docs" / name
+    claims = 0
+    for statement in statements(page):
+        counts, shares = QUOTED.findall(statement), SHARE.findall(statement)
+        linked = re.findall(r"\]\((?:docs/)?(reports/[\w.-]+)", statement)
+        if not linked and not counts and (not shares or name == "benchmarks.md"):
+            continue  # settings of what is measured
+        assert linked, statement
+        texts = "".join((ROOT / "docs" / file).read_text("utf-8") for file in {*linked})
+        claims += len(counts) + len(shares)
+        assert {*counts} <= {*QUOTED.findall(texts)}, statement
+        missing = [x or y for x, y in shares if not is_reported(x or y, texts)]
+        assert missing == [], statement
+    assert claims > 0
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

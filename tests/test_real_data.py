@@ -1,12 +1,15 @@
 """Real recordings beside the checkout; skipped where there are none."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 import soundfile
 
 import tex_lightning as tl
+from benchmarks import unknown
+from tex_lightning.evaluation.outcomes import wilson_interval
 
 
 @pytest.fixture
@@ -45,6 +48,19 @@ def test_hapticnet_on_three_folds_of_sixteen_real_surfaces(networks, shared):
     lmt = ("data=folder", f"data.root={shared}/data/lmt16")
     found = networks("model=haptic", *lmt, "task=crossval", "crossval.only=[0,1,2]")
     assert votes(found)["haptic"] >= 0.95
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["lmt16", "synthetic"])
+def test_unknown_materials_are_told_as_the_page_says(shared, name):
+    found = unknown.measure(name)[name]
+    rejected, accepted = (found[key] for key in unknown.SHARES)
+    low, high = wilson_interval(rejected["count"], rejected["of"])
+    assert low <= unknown.RATE <= high
+    assert accepted["share"] <= 0.02
+    page = (Path(__file__).parents[1] / "docs" / "calibration.md").read_text("utf-8")
+    for counts in (rejected, accepted):
+        assert f"({counts['count']}/{counts['of']})" in page
 
 
 @pytest.mark.slow
