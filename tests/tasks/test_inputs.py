@@ -47,7 +47,7 @@ def test_a_bad_file_does_not_take_the_others_along(cli, untrained, folder, tmp_p
     said = [Path(json.loads(line)["haptic"]).name for line in outcome.out.splitlines()]
     assert said == ["s1.wav", "s2.wav", "s10.wav"]
     assert "Error: 2 of 5 samples could not be classified:" in outcome.err
-    assert "bad.csv cannot be read" in outcome.err
+    assert "bad.csv holds no numbers" in outcome.err
     assert "archive.npy cannot be read (it is an .npz archive" in outcome.err
 
 

@@ -127,7 +127,8 @@ def test_evaluation_refuses_what_would_flatter_or_mislead(cli, surfaces, fused, 
         source = surfaces / label / "haptic" / f"{label}_4.wav"
         (folder := tmp_path / "copy" / label / "haptic").mkdir(parents=True)
         (folder / "renamed.wav").write_bytes(source.read_bytes())
-    copied = ["data=folder", f"data.root={tmp_path}/copy", f"hydra.run.dir={tmp_path}/c"]
+    copied = ["data=folder", f"data.root={tmp_path}/copy", "data.test_fold=null"]
+    copied += [f"hydra.run.dir={tmp_path}/c"]
     outcome = cli("task=evaluate", checkpoint(fused, "haptic"), *copied)
     assert outcome.status == 2
     assert "has trained on 2 of the 2 test recordings, renamed.wav among them" in outcome.err

@@ -19,6 +19,7 @@ from tex_lightning.classifier.classifier import STATISTICS, SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import ScoreLayer, score_layer_of
+from tex_lightning.networks.linear import RangeGate
 
 Fragments = Sequence[Sequence[Tensor]]  # by class and recording, features (D, positions)
 DRAWN = 60  # features of each class that stand for its recordings
@@ -133,6 +134,7 @@ def add_classes(
         rows.append(new)
     card = replace(classifier.card, classes=[*classifier.card.classes, *names])
     state = classifier.state_dict() | _with_rows(classifier, layer, torch.cat(rows, dim=1), biases)
+    state |= _with_limits(classifier, features)
     return _rebuilt(card, state, statistics)
 
 
@@ -188,6 +190,21 @@ def _with_rows(
         f"{name}.weight": torch.cat([weight, rows.reshape(len(rows), *weight.shape[1:])]),
         f"{name}.bias": torch.cat([bias, biases]),
     }
+
+
+def _with_limits(
+    classifier: SurfaceClassifier, features: Mapping[str, Fragments]
+) -> dict[str, Tensor]:
+    """Return the limits of range gates, widened by the features of the new classes."""
+    widened = {}
+    for name, gate in classifier.named_modules():
+        if isinstance(gate, RangeGate):
+            sense = next(x for x in classifier.senses if name.startswith(f"senses.{x}."))
+            rows = [x.mean(dim=1) for members in features[sense] for x in members]
+            widened[f"{name}.limits"] = torch.maximum(
+                gate.limits, gate.limits_of(torch.stack(rows))
+            )
+    return widened
 
 
 def _rebuilt(

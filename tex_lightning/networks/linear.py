@@ -83,11 +83,11 @@ class RangeGate(nn.Module):
         self.register_buffer("member", member.float(), persistent=False)
         self.register_buffer("limits", torch.full((len(member),), torch.finfo().max))
 
-    def learn(self, rows: Tensor) -> None:
-        """Set the limits by the rows (rows, D) of the training."""
+    def limits_of(self, rows: Tensor) -> Tensor:
+        """Return the limits (groups,) that training on rows (rows, D) gives."""
         margin = 1 + MARGIN / len(rows) ** 0.5
         longest = self.lengths(rows[:, :, None]).amax(dim=0)
-        self.limits.copy_((margin**2 * longest).clamp_min(torch.finfo().tiny))
+        return (margin**2 * longest).clamp_min(torch.finfo().tiny).to(self.limits)
 
     def lengths(self, x: Tensor) -> Tensor:
         """Return squared lengths (B, groups) of the mean of features (B, D, positions...)."""
@@ -247,7 +247,7 @@ class LinearNet(nn.Module):
         self.scale.copy_(scale[:, None, None])
         self.whitening.copy_(whitening)
         gate: RangeGate = self.head.scores[0]  # type: ignore[index]
-        gate.learn(rows)
+        gate.limits.copy_(gate.limits_of(rows))
         weights, bias = (_enlarged(x, factors * sharpness) for x in (share * weights.T, bias))
         self.score_layer.weight.copy_(weights[:, :, None, None])
         self.score_layer.bias = nn.Parameter(bias.to(self.score_layer.weight))
