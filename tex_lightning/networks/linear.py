@@ -5,6 +5,7 @@ moment: ridge regression of the classes on the features, as in MiniRocket (Demps
 """
 
 import math
+import statistics
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from itertools import product
 from typing import NamedTuple
@@ -73,21 +74,25 @@ class RangeGate(nn.Module):
 
     Attributes:
         limits: Largest squared length of each group.
+        fragments: Fragments of a usual training recording; the mean of fewer varies more.
     """
 
     member: Tensor
     limits: Tensor
+    fragments: Tensor
 
     def __init__(self, member: Tensor) -> None:
         super().__init__()
         self.register_buffer("member", member.float(), persistent=False)
         self.register_buffer("limits", torch.full((len(member),), torch.finfo().max))
+        self.register_buffer("fragments", torch.ones(()))
 
     def limits_of(self, rows: Tensor) -> Tensor:
         """Return the limits (groups,) that training on rows (rows, D) gives."""
         margin = 1 + MARGIN / len(rows) ** 0.5
         longest = self.lengths(rows[:, :, None]).amax(dim=0)
-        return (margin**2 * longest).clamp_min(torch.finfo().tiny).to(self.limits)
+        limits: Tensor = (margin**2 * longest).clamp_min(torch.finfo().tiny)
+        return limits.to(self.limits)
 
     def lengths(self, x: Tensor) -> Tensor:
         """Return squared lengths (B, groups) of the mean of features (B, D, positions...)."""
@@ -96,8 +101,10 @@ class RangeGate(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Return features (B, D, M, N) with zeros in the groups that are out of range."""
-        outside = (self.lengths(x) > self.limits).to(x.dtype) @ self.member.to(x.dtype)
-        return x * (1 - outside.clamp(max=1))[:, :, None, None]
+        limits = self.limits * (self.fragments / x[0, 0].numel()).clamp_min(1)
+        outside = (self.lengths(x) > limits).to(x.dtype) @ self.member.to(x.dtype)
+        inside: Tensor = x * (1 - outside.clamp(max=1))[:, :, None, None]
+        return inside
 
 
 class LinearNet(nn.Module):
@@ -231,6 +238,7 @@ class LinearNet(nn.Module):
         """
         counted = recordings or range(len(labels))
         rows, labels, parts, units = _rows(inputs, labels.cpu(), groups or counted, counted)
+        usual = statistics.median(features.shape[-1] for features in inputs)
         mean, deviation = rows.mean(dim=0), rows.std(dim=0, correction=0)
         scale = torch.where(deviation > MIN_DEVIATION, 1 / deviation, 0)
         share = torch.repeat_interleave(self.sizes.double().rsqrt(), self.sizes)  # of unit length
@@ -248,6 +256,7 @@ class LinearNet(nn.Module):
         self.whitening.copy_(whitening)
         gate: RangeGate = self.head.scores[0]  # type: ignore[index]
         gate.limits.copy_(gate.limits_of(rows))
+        gate.fragments.fill_(usual if len(rows) == len(inputs) else 1)
         weights, bias = (_enlarged(x, factors * sharpness) for x in (share * weights.T, bias))
         self.score_layer.weight.copy_(weights[:, :, None, None])
         self.score_layer.bias = nn.Parameter(bias.to(self.score_layer.weight))

@@ -241,9 +241,9 @@ def show_opening(
     if Screen.verbose == QUIET:
         return
 
-    def show(title: str, text: str) -> None:
+    def show(title: str, text: str, *, whole: bool = False) -> None:
         line = Text(f"{title:<8} {printable_lines(text)}")
-        console.print(line, no_wrap=True, overflow="ellipsis")
+        console.print(line, no_wrap=not whole, overflow=None if whole else "ellipsis")
 
     show("Data", f"{data.name} {data.manifest or data.root or ''}")
     show("Classes", f"{len(rows.classes)}: {', '.join(rows.classes)}")
@@ -254,7 +254,7 @@ def show_opening(
         size = _spread(sizes, decoder.unit, decoder.precision)
         show(title, f"{len(signals)}; {size}; {_spread([*counts.values()], '', 'd')} of a class")
         for text in readings(signals, dataset.store):
-            show("Reads", text)
+            show("Reads", text, whole=True)
     if divisions:
         show("Folds", _folds(divisions))
     show("Trains" if divisions else "Tests", what)
