@@ -15,7 +15,6 @@ from contextlib import suppress
 from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
-from threading import Lock
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -31,7 +30,7 @@ from tex_lightning.data.decode import Decoded, Decoder
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.kept import forget_traces
 from tex_lightning.data.recordings import Recording, cut_part
-from tex_lightning.data.traces import axis_files
+from tex_lightning.data.traces import axis_files, map_array
 from tex_lightning.errors import UserError, reason
 from tex_lightning_runtime.columns import Reading
 
@@ -62,7 +61,6 @@ DIGITS = 32  # of a digest; checkpoints keep one for each recording
 LAYOUT = 9  # of an entry: what an earlier version decoded otherwise is decoded anew
 UNREADABLE = (OSError, ValueError, EOFError)  # not there yet, or damaged by a full disk
 SIZE = struct.Struct("<Q")  # of what is told of a trace, at the end of its entry
-HEADERS = Lock()  # Python 3.11 parses one in two threads at once with a SystemError
 T = TypeVar("T")
 
 
@@ -264,9 +262,7 @@ def _map(entry: Path) -> npt.NDArray[Any]:
     """
     if not entry.is_file():  # a pipe would be waited for
         raise FileNotFoundError(entry)
-    with HEADERS:
-        array: npt.NDArray[Any] = np.load(entry, mmap_mode="r", allow_pickle=False)
-    return array
+    return map_array(entry)
 
 
 def load_recording(row: Recording, store: Store) -> Tensor:

@@ -10,7 +10,8 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from threading import Lock
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +29,7 @@ Array = npt.NDArray[np.floating]
 MAX_AXES = 64
 MAX_SAMPLES = 1 << 29  # of a file, 2 GiB of float32: 14 h of one axis at 10 kHz
 DAMAGE = (soundfile.SoundFileError, ValueError, EOFError, OSError, LookupError, MemoryError)
+_HEADERS = Lock()  # Python 3.11 parses one in two threads at once with a SystemError
 # Samples in any order, their rate in Hz if the file states it, and what is to be said of it.
 Raw = tuple[Array, float | None, tuple[str, ...]]
 
@@ -168,10 +170,17 @@ def _check_count(count: int) -> None:
         raise ValueError(f"it claims {count:,} samples, and {MAX_SAMPLES:,} are the most")
 
 
+def map_array(path: Path) -> npt.NDArray[Any]:
+    """Map an array as ``numpy.save`` writes it, without pickles; threads do it one at a time."""
+    with _HEADERS:
+        array: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+    return array
+
+
 def _read_array(path: Path) -> Raw:
     try:
         with suppress_warnings():  # a map takes no memory for what a header claims
-            array = np.load(path, mmap_mode="r", allow_pickle=False)
+            array = map_array(path)
     except OSError:
         raise
     except Exception as error:  # of any kind; the words of some propose to load it unsafely
