@@ -41,12 +41,12 @@ def test_the_ridge_and_what_it_says_of_rows_that_it_has_not_seen_are_scikit_lear
         rest = torch.from_numpy(groups != group)
         kernel = problem.kernel(products, 0, ridge, rest)
         weights = problem.weights(rest).numpy()
-        middle = weights @ rows
+        middle, share = weights @ rows, weights @ np.eye(CLASSES)[labels]
         fitted = SklearnRidge(alpha=ridge, fit_intercept=False).fit(
-            ((rows - middle) * kept)[rest], (np.eye(CLASSES)[labels] - 1 / CLASSES)[rest],
+            ((rows - middle) * kept)[rest], (np.eye(CLASSES)[labels] - share)[rest],
             weights[rest],
         )  # fmt: skip
-        expected = ((rows - middle) * kept) @ fitted.coef_.T + 1 / CLASSES
+        expected = ((rows - middle) * kept) @ fitted.coef_.T + share
         np.testing.assert_allclose(problem.scores(kernel, ridge, rest), expected, atol=1e-8)
     weights, offset, _ = problem.solve(products, 0, ridge)
     np.testing.assert_allclose(weights.T, theirs.fit(centred, targets, weight).coef_, atol=1e-8)

@@ -54,9 +54,13 @@ class Ridge:
         self.targets = nn.functional.one_hot(labels, classes).double()
 
     def weights(self, some: Tensor) -> Tensor:
-        """Return weights (rows,) of sum 1 by which every class counts alike; 0 outside ``some``."""
-        counts = torch.bincount(self.labels[some], minlength=self.classes)
-        weights = some / counts.clamp_min(1)[self.labels].double()
+        """Return weights (rows,) of sum 1, 0 outside ``some``.
+
+        With all rows every class counts alike. A row counts no more for those of its class that are
+        left out: of two recordings the other one would else be trusted like both.
+        """
+        counts = torch.bincount(self.labels, minlength=self.classes)
+        weights = some / counts[self.labels].double()
         return weights / weights.sum()
 
     def products(self, kept: Tensor) -> Products:
