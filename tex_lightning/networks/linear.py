@@ -28,6 +28,7 @@ MIN_DEVIATION = 1e-3  # of a feature; one that hardly varies says nothing
 SHARPNESS = 10.0  # of scores from about 0 to 1, to begin with
 STRENGTHS = (0.001, 0.01, 0.1, 1.0)  # of the ridge, at first; the grid goes on at its ends
 STRENGTH_LIMITS = (1e-6, 1e4)
+TIE = 1.01  # errors within 1 % are equal, and the stronger ridge is taken
 WITHIN = (0.1, 1.0)  # weights of the scatter within recordings, beside none
 OPTIONAL = ("power", "axes")  # kinds of blocks that are left out unless they help
 WHITENED = "level"  # kind of block whose features vary together, as under another pressure
@@ -305,7 +306,8 @@ class LinearNet(nn.Module):
             if min(choices) < best < max(choices) or not low < further < high:
                 break
             choices[further] = tried(further)
-        return min(choices.values(), key=lambda choice: choice.error)
+        least = min(choice.error for choice in choices.values())
+        return choices[max(x for x, choice in choices.items() if choice.error <= TIE * least)]
 
     def _factors(self, ridge: Ridge, choice: Choice, parts: Tensor, units: Tensor) -> Tensor:
         """Return by how much the scores of each class are enlarged (classes,), at least 1.
