@@ -1,6 +1,8 @@
 """What a training takes from the user's own recordings: their rate, weights that know images."""
 
 import json
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +15,7 @@ import tex_lightning as tl
 from tex_lightning.config.composition import Job, compose_config, read_config
 from tex_lightning.data import decode
 from tex_lightning.data.decode import SignalDecoder
-from tex_lightning.data.kept import forget_traces, keeping_traces
+from tex_lightning.data.kept import forget_traces, keeping_traces, read_once
 from tex_lightning.data.own_defaults import with_defaults
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import Recordings, write_manifest
@@ -77,6 +79,28 @@ def test_a_file_that_changes_after_its_rate_was_read_is_read_again(tmp_path, rea
     assert [decoder.decode(path)[0].shape[1] for _ in range(2)] == [300, 300]
     assert len(reads) == 4
     forget_traces()
+
+
+def test_threads_decode_what_was_kept(tmp_path):
+    """Some take out of what is kept while others look how much it is."""
+
+    def read(path, number):
+        return np.full(10, number), 1.0
+
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        for _ in range(3):
+            with keeping_traces():
+                for number in range(1000):
+                    read_once(read, tmp_path, number)
+            with ThreadPoolExecutor(4) as pool:
+                order = [number for kept in range(1000) for number in (kept, kept + 1000)]
+                found = pool.map(lambda number: read_once(read, tmp_path, number), order)
+                assert [samples[0] for samples, _ in found] == order
+    finally:
+        sys.setswitchinterval(interval)
+        forget_traces()
 
 
 def test_a_rate_that_is_given_counts_and_a_higher_one_is_the_papers(fingertip, tmp_path):

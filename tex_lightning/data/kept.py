@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Lock
 from typing import Any, TypeVar
 
 from tex_lightning.core.files import is_file
@@ -12,7 +13,8 @@ MAX_KEPT = 1 << 28  # bytes of samples; a file beyond them is read again
 T = TypeVar("T", bound=tuple[Any, ...])
 
 _kept: dict[tuple[object, ...], Any] = {}
-_keeps = False
+_lock = Lock()  # files are read in threads
+_keeps, _bytes = False, 0  # bytes that were kept since all was freed
 
 
 @contextmanager
@@ -28,7 +30,10 @@ def keeping_traces() -> Iterator[None]:
 
 def forget_traces() -> None:
     """Free what is kept."""
-    _kept.clear()
+    global _bytes
+    with _lock:
+        _kept.clear()
+        _bytes = 0
 
 
 def read_once(read: Callable[..., T], path: Path, *how: Any) -> T:  # noqa: ANN401
@@ -44,11 +49,15 @@ def read_once(read: Callable[..., T], path: Path, *how: Any) -> T:  # noqa: ANN4
     """
     stat = path.stat() if is_file(path) else None  # of any of the files of a trace
     key = (read, path, how, stat and (stat.st_mtime_ns, stat.st_size))
-    kept: Any = _kept.get(key) if _keeps else _kept.pop(key, None)
+    global _bytes
+    with _lock:
+        kept: Any = _kept.get(key) if _keeps else _kept.pop(key, None)
     if kept is not None:
         return kept  # type: ignore[no-any-return]  # what read has returned
     result = read(path, *how)
-    size: int = result[0].nbytes + sum(samples.nbytes for samples, *_ in _kept.values())
-    if _keeps and size <= MAX_KEPT:
-        _kept[key] = result
+    size = result[0].nbytes
+    with _lock:
+        if _keeps and key not in _kept and _bytes + size <= MAX_KEPT:
+            _kept[key] = result
+            _bytes += size
     return result
