@@ -76,6 +76,14 @@ def test_half_of_the_frames_stand_above_the_middle_of_an_even_number_of_threshol
     torch.testing.assert_close(by_threshold, expected, atol=0.03, rtol=0)
 
 
+def test_rounding_changes_no_proportion_of_a_training_recording():
+    features, trace = make(thresholds=6), noise(2)
+    features.learn([trace])  # every threshold comes from this recording
+    others = (trace * 1.001, trace.double().mul(0.999).float())
+    for other in others:
+        torch.testing.assert_close(features(other), features(trace), atol=1e-3, rtol=1e-3)
+
+
 def test_blocks_name_all_features_in_their_order():
     features = make(levels=2)
     features.learn([noise(4, axes=2)])

@@ -275,7 +275,8 @@ class BandProportions(nn.Module):
             count = len(thresholds)
             shares = (torch.arange(count, dtype=torch.float64) + 0.5) / count
             places = (shares * len(ordered)).long().to(ordered.device)
-            thresholds.copy_(ordered[places])
+            after = (places + 1).clamp_max(len(ordered) - 1)  # between two: no rounding crosses it
+            thresholds.copy_((ordered[places] + ordered[after]) / 2)
         if self.levels:
             self._learn_levels(movements)
 
