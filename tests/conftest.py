@@ -239,8 +239,7 @@ def fused(run_once, tiny) -> Path:
 @pytest.fixture(scope="session")
 def crossvalidated(run_once, tiny) -> Path:
     """HapticNet on two folds of ten."""
-    two = ("crossval.only=[0,3]", "logger=csv")
-    return run_once("task=crossval", "model=haptic", *two, *tiny)
+    return run_once("task=crossval", "model=haptic", "crossval.only=[0,3]", *tiny)
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,7 @@ import pytest
 from own_parts import EpochCounter, MemoryLogger
 
 from tex_lightning.errors import UserError
-from tex_lightning.learning.trainer import open_loggers
+from tex_lightning.learning.loggers import open_loggers
 
 VOTES = ("loss", "fragment_accuracy", "vote_accuracy")
 

@@ -45,7 +45,7 @@ def test_fusion_trains_three_networks_and_reports_them(fused):
         ".hydra", "checkpoints", "tensorboard", "metrics", "figures", "results.json", "predictions",
     }  # fmt: skip
     assert (fused / "figures" / "fusion_confusion.png").is_file()
-    events = EventAccumulator(str(fused / "tensorboard" / "haptic"))
+    events = EventAccumulator(str(fused / "tensorboard" / "1-haptic"))
     events.Reload()
     assert {"train/loss", "val/loss", "test/vote_accuracy"} <= {*events.Tags()["scalars"]}
     assert any("hparams" in name for name in events.PluginTagToContent("hparams"))

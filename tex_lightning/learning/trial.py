@@ -22,13 +22,13 @@ from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.data.recordings import Recording, Recordings, class_indices
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
+from tex_lightning.learning.loggers import open_loggers
 from tex_lightning.learning.module import SurfaceModule
 from tex_lightning.learning.start import fit_closed_form, start_trunk
 from tex_lightning.learning.train import checkpoint_of, make_module
 from tex_lightning.learning.trainer import (
     build_callbacks,
     make_trainer,
-    open_loggers,
     quiet_lightning,
 )
 from tex_lightning.networks.blocks import is_builtin

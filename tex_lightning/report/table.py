@@ -1,5 +1,6 @@
 """Tables of a run: made once, shown on the terminal, in ``report.md`` and in ``report.html``."""
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,6 +23,7 @@ POOLED = (
     *FOLD_KEYS, "data.test_where", "crossval.", "model.name", "data.name", "task", "logger.",
     "hydra.",
 )  # fmt: skip
+OWN_SENSE = re.compile(r"\+sense@model\.(\w+)=\1$")  # which the package adds for each in a folder
 MAX_LISTED = 12  # values of a condition that a table lists; results.json has all
 
 Network = Mapping[str, Any]  # an entry of results.json
@@ -179,6 +181,15 @@ def run_overrides(directory: Path) -> list[str]:
         return []
     plain: Any = OmegaConf.to_container(OmegaConf.load(path), resolve=False)
     return [str(item) for item in plain]
+
+
+def typed_overrides(directory: Path) -> list[str]:
+    """Return the overrides of a run folder that somebody has given, without derived ones."""
+    record = directory / ".hydra" / "hydra.yaml"
+    if not record.is_file():
+        return run_overrides(directory)
+    plain: Any = OmegaConf.to_container(OmegaConf.load(record), resolve=False)
+    return [str(item) for item in plain["hydra"]["overrides"]["task"] if not OWN_SENSE.match(item)]
 
 
 def is_tiny(overrides: Sequence[str]) -> bool:

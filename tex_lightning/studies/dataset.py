@@ -321,3 +321,35 @@ def reading_notes(signals: Recordings, store: Store) -> list[str]:
     notes = [f"{row.path}: {note}." for row in signals for note in store.reading(row).notes]
     more = [f"And {len(notes) - MAX_NOTES} more such notes."] if len(notes) > MAX_NOTES else []
     return notes[:MAX_NOTES] + more
+
+
+def data_facts(
+    data: DataConfig, dataset: Dataset, divisions: Sequence[Folding] = ()
+) -> dict[str, str]:
+    """Return what the data of a run are, by heading.
+
+    Args:
+        data: Where the recordings come from.
+        dataset: All that was trained or tested on.
+        divisions: Division of each training.
+    """
+    rows = dataset.recordings
+    told = {"name": data.name, "from": str(data.manifest or data.root or "")}
+    told["classes"] = f"{len(rows.classes)}: {', '.join(rows.classes)}"
+    for modality in dict.fromkeys(row.modality for row in rows):
+        signals = rows.of(modality)
+        decoder, counts = dataset.store.decoders[modality], Counter(row.label for row in signals)
+        size = _spread(
+            [dataset.store.extent(row) for row in signals], decoder.unit, decoder.precision
+        )
+        told[plural(modality)] = (
+            f"{len(signals)}; {size}; {_spread([*counts.values()], '', 'd')} of a class; "
+            f"{len({row.group_key for row in signals})} groups"
+        )
+        if read := readings(signals, dataset.store):
+            told[f"{plural(modality)} read as"] = "; ".join(read)
+    if divisions:
+        told["folds"] = _folds(divisions)
+    if dataset.skipped:
+        told["left out"] = f"{len(dataset.skipped)} files that cannot be used"
+    return {heading: text for heading, text in told.items() if text}

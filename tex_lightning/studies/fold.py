@@ -31,9 +31,9 @@ from tex_lightning.errors import UserError
 from tex_lightning.evaluation.calibration import calibrated_card, sample_loss
 from tex_lightning.evaluation.outcomes import RANDOM, write_results
 from tex_lightning.inference.prediction import name_conflict
+from tex_lightning.learning.loggers import log_test, open_loggers
 from tex_lightning.learning.start import starting_classifier
 from tex_lightning.learning.train import checkpoint_of, shared_folder, train_network
-from tex_lightning.learning.trainer import log_test, open_loggers
 from tex_lightning.learning.trial import try_baseline, try_custom_parts, try_training
 from tex_lightning.studies.dataset import Dataset, open_dataset, show_opening
 from tex_lightning.studies.evaluate_checkpoint import (
@@ -42,6 +42,7 @@ from tex_lightning.studies.evaluate_checkpoint import (
     results_frame,
 )
 from tex_lightning.studies.leaks import refuse_leak, trained_on
+from tex_lightning.studies.logged import log_network
 
 log = logging.getLogger(__name__)
 
@@ -215,7 +216,7 @@ def fit_fold(
         networks[name] = {"fit_seconds": classifier.card.training.get("fit_seconds")}
         if is_rank_zero() and (whole or test_parts):  # it alone tests and writes
             networks[name] = _test_network(
-                config, dataset, parts.test, directory, classifier, loggers, draw=draw
+                config, dataset, parts.test, directory, classifier, loggers, networks, draw=draw
             )
     return networks
 
@@ -285,6 +286,7 @@ def _test_network(
     directory: Path,
     classifier: SurfaceClassifier,
     loggers: Sequence[Logger],
+    networks: Mapping[str, Any],
     *,
     draw: bool,
 ) -> dict[str, Any]:
@@ -300,7 +302,10 @@ def _test_network(
     )
     if draw:
         draw_figures(outcomes, dataset.classes, kind, directory)
-    log_test(loggers, kind, plain_values(config), result)
+        before = {name: entry for name, entry in networks.items() if name != kind}
+        log_network(config, dataset, directory, loggers, {**before, kind: result}, [config.data])
+    else:
+        log_test(loggers, kind, plain_values(config), result)
     tested = tested_part(config.data)
     log.info(
         "%s, %s: %d of %d samples correct, trained in %.1f s.",

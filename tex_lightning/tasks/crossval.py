@@ -7,14 +7,14 @@ where the last one stopped, in the middle of a fold if need be.
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.config import Config, plain_values
+from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.progress import track
 from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.evaluation.conditions import pool_conditions
 from tex_lightning.evaluation.novelty import pool_unknown
 from tex_lightning.evaluation.outcomes import read_outcomes, write_outcomes, write_results
-from tex_lightning.learning.trainer import log_test, open_loggers
+from tex_lightning.learning.loggers import open_loggers
 from tex_lightning.report.table import print_results
 from tex_lightning.studies.dataset import Dataset
 from tex_lightning.studies.evaluate_checkpoint import draw_figures, pooled_metrics
@@ -25,6 +25,7 @@ from tex_lightning.studies.fold import (
     run_fold,
     training_results,
 )
+from tex_lightning.studies.logged import log_network
 
 KEPT = ("fragment_accuracy", "vote_accuracy", "test_samples", "fit_seconds", "checkpoint")
 
@@ -42,8 +43,11 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         folds[home] = finished_fold(home) or run_fold(config.on_fold(fold), dataset, home)
     if not is_rank_zero():
         return {}
-    names = next(iter(folds.values()))["networks"]
-    networks = {name: _pool(config, dataset, job.directory, folds, name) for name in names}
+    networks: dict[str, Any] = {}
+    for name in next(iter(folds.values()))["networks"]:
+        networks[name] = _pool(config, dataset, job.directory, folds, name)
+        loggers = open_loggers(config.logger, job.directory, name)
+        log_network(config, dataset, job.directory, loggers, networks, divisions)
     seconds = sum(results["wall_seconds"] for results in folds.values())
     results = training_results(config, dataset, networks, seconds)
     write_results(job.directory / "results.json", results)
@@ -61,7 +65,7 @@ def _pool(
     outcomes = [outcome for fold in by_fold for outcome in fold]
     write_outcomes(outcomes, directory / "predictions" / f"{name}.csv")
     draw_figures(outcomes, dataset.classes, name, directory)
-    pooled = {
+    return {
         **pooled_metrics(outcomes),
         **pool_conditions(entries.values()),
         **pool_unknown(entries, by_fold, name, directory, config.decision.unknown),
@@ -74,6 +78,3 @@ def _pool(
             for home, entry in entries.items()
         ],
     }
-    loggers = open_loggers(config.logger, directory, name)
-    log_test(loggers, name, plain_values(config), pooled)
-    return pooled

@@ -5,13 +5,13 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.config import Config, plain_values
+from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.devices import pick_device
 from tex_lightning.data.folds import make_samples
 from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.inference.prediction import check_unknown
-from tex_lightning.learning.trainer import log_test, open_loggers
+from tex_lightning.learning.loggers import open_loggers
 from tex_lightning.report.table import print_results
 from tex_lightning.studies.dataset import open_test_data, show_opening
 from tex_lightning.studies.evaluate_checkpoint import (
@@ -19,6 +19,7 @@ from tex_lightning.studies.evaluate_checkpoint import (
     report_network,
     results_frame,
 )
+from tex_lightning.studies.logged import log_network
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
@@ -41,11 +42,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         classifier, checkpoint, samples, store, directory, config, unknown, dataset.condition_bins
     )
     draw_figures(outcomes, card.classes, card.kind, directory)
-    values = plain_values(config)
-    tested_on = {name: values[name] for name in ("seed", "data")}
-    loggers = open_loggers(config.logger, directory, card.kind)
-    log_test(loggers, card.kind, tested_on, network)
-    networks, seconds = {card.kind: network}, time.perf_counter() - begin
+    loggers, networks = open_loggers(config.logger, directory, card.kind), {card.kind: network}
+    log_network(config, dataset, directory, loggers, networks)
+    seconds = time.perf_counter() - begin
     results = results_frame(
         config, card.kind, card.classes, dataset.skipped, networks, seconds,
         baseline=bool(card.baseline),

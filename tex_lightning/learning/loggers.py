@@ -1,0 +1,136 @@
+"""Loggers of a network: made as configured, and given what its test has shown."""
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from lightning.pytorch.loggers import CSVLogger, Logger, TensorBoardLogger
+
+from tex_lightning.config import flatten
+from tex_lightning.config.instantiation import build_derived, find_callable
+from tex_lightning.config.overrides import Setting, chosen_settings, swept_keys
+from tex_lightning.report.board import Piece, folder_name, show
+from tex_lightning.report.table import typed_overrides
+
+MAX_NAME = 80  # characters of a run's name
+UNUSUAL = re.compile(r"[^\w.,+=@ -]")  # in the name of a folder
+
+Nodes = Mapping[str, Mapping[str, Any] | None]  # of the configuration, by the logger's name
+
+
+class RunLogger(TensorBoardLogger):
+    """Lightning's logger for TensorBoard without a chart of the epoch, which would come first."""
+
+    def log_metrics(self, metrics: Mapping[str, float], step: int | None = None) -> None:
+        """Log what Lightning does, but for its count of epochs."""
+        super().log_metrics({key: value for key, value in metrics.items() if key != "epoch"}, step)
+
+
+def open_loggers(nodes: Nodes, directory: Path, name: str) -> list[Logger]:
+    """Make the configured loggers of one network, for its training and its test.
+
+    Args:
+        nodes: ``logger`` of the configuration. Where a class takes them, it gets the run folder as
+            ``save_dir`` and the name as ``version`` and ``run_name``.
+        directory: The run folder.
+        name: Name of the network. A CSV goes beside that of an interrupted run.
+
+    Raises:
+        UserError: If one cannot be made.
+    """
+    return [
+        _make(f"logger.{title}", node, directory, name)
+        for title, node in nodes.items()
+        if node is not None  # which leaves one out
+    ]
+
+
+def _make(where: str, node: Mapping[str, Any], directory: Path, name: str) -> Logger:
+    offered = {"save_dir": str(directory), "run_name": name}
+    called = find_callable(where, node)
+    if isinstance(called, type) and issubclass(called, TensorBoardLogger):
+        return build_derived(where, node, Logger, **offered, version=event_folder(directory, name))  # type: ignore[no-any-return]
+    logger: Logger = build_derived(where, node, Logger, **offered, version=name)
+    if isinstance(logger, CSVLogger) and (earlier := Path(logger.log_dir)).is_dir():
+        count = len(list(earlier.parent.glob(f"{name}*")))  # it would write over that one
+        again = f"{name}_resumed{count}"
+        logger = build_derived(where, node, Logger, **offered, version=again)
+    return logger
+
+
+def event_folder(directory: Path, name: str) -> str:
+    """Return the folder of a network's events, which TensorBoard shows as the name of a run.
+
+    That of a job of a sweep has what the sweep varies, so that jobs are told apart.
+    """
+    keys = swept_keys(directory)
+    settings = chosen_settings(typed_overrides(directory), keys) if keys else {}
+    swept = {key: settings[key] for key in keys if key in settings}
+    brief = [key.rpartition(".")[2] for key in swept]
+    titles = brief if len({*brief}) == len(brief) else [*swept]
+    pairs = (f"{title}={value}" for title, value in zip(titles, swept.values(), strict=True))
+    text = " ".join([folder_name(name), *pairs])
+    return UNUSUAL.sub("_", text)[:MAX_NAME].strip()
+
+
+def log_test(
+    loggers: Sequence[Logger],
+    name: str,
+    config: dict[str, Any],
+    result: dict[str, Any],
+    pieces: Sequence[Piece] = (),
+    trial: Mapping[str, Setting] | None = None,
+) -> None:
+    """Add the metrics of the test, what it has shown, and the hyper-parameters that led to it.
+
+    Args:
+        loggers: Loggers of the network.
+        name: Name of the network: its sense, or ``fusion``.
+        config: The whole configuration as plain values, or what of it was read.
+        result: The network's entry of ``results.json``.
+        pieces: Figures, texts and the like.
+        trial: Settings by which TensorBoard compares this training with others; None of a fold,
+            which is a part of one, and of an evaluation, which trains nothing.
+    """
+    low, high = result["vote_ci95"]
+    metrics = {
+        "test/fragment_accuracy": result["fragment_accuracy"],
+        "test/vote_accuracy": result["vote_accuracy"],
+        "test/vote_ci95_low": low,
+        "test/vote_ci95_high": high,
+        "test/samples": result["test_samples"],
+        "test/latency_ms": result["latency_ms"]["median"],
+        "test/fit_seconds": result["fit_seconds"],
+        **{f"test/{key}": value for key, value in result["calibration"].items()},
+    }
+    if trial is not None and result.get("val_loss") is not None:
+        metrics["objective/val_loss"] = result["val_loss"]
+    for logger in loggers:
+        if not isinstance(logger, TensorBoardLogger):
+            logger.log_hyperparams(_hyper_parameters(config, name))
+            logger.log_metrics(metrics)
+        show(logger, "test", pieces, metrics, trial)
+        if not isinstance(logger, TensorBoardLogger):  # whose file is closed
+            logger.finalize("success")
+
+
+def trial_settings(directory: Path, model: str, data: str, network: str) -> dict[str, Setting]:
+    """Return what TensorBoard compares trainings by: what the user chose, swept keys above all.
+
+    Args:
+        directory: The run folder.
+        model: Name of the model.
+        data: Name of the data set.
+        network: Name of the network.
+    """
+    chosen = chosen_settings(typed_overrides(directory), swept_keys(directory))
+    return {"network": network, "model": model, "data": data, **chosen}
+
+
+def _hyper_parameters(config: dict[str, Any], name: str) -> dict[str, Any]:
+    """Return flat plain values of what this network was trained with, or is tested on."""
+    chosen = {"seed": config["seed"], "data": config["data"]}
+    if "model" in config:
+        chosen[name] = config["model"][name]
+    return {key: value for key, value in flatten(chosen).items() if isinstance(value, Setting)}

@@ -1,0 +1,163 @@
+"""What is shown beside the scalars of a run, in TensorBoard or as artifacts of MLflow.
+
+Pictures come as PNG, so that a figure of the run folder is written and never drawn again.
+"""
+
+import io
+import tempfile
+import wave
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from lightning.pytorch.loggers import Logger, MLFlowLogger, TensorBoardLogger
+from PIL import Image
+
+from tex_lightning.config.overrides import Setting
+from tex_lightning.core.files import write_bytes, write_text
+
+Pixels = npt.NDArray[np.uint8]
+LARGEST = 8192  # pixels along a sprite, of which TensorBoard shows no more
+ORDER = ("haptic", "visual", "sound")  # of reading; then senses of the user's, and the fusion last
+FUSION = "fusion"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture as the content of a PNG file."""
+
+    tag: str
+    png: bytes
+
+
+@dataclass(frozen=True)
+class Sound:
+    """Samples in [-1, 1] at a rate in Hz."""
+
+    tag: str
+    samples: npt.NDArray[np.float32]
+    rate: int
+
+
+@dataclass(frozen=True)
+class Words:
+    """A text in Markdown."""
+
+    tag: str
+    markdown: str
+
+
+@dataclass(frozen=True)
+class Points:
+    """Embeddings of recordings.
+
+    Attributes:
+        tag: Name of the sense.
+        vectors: (recordings, D).
+        columns: Text of each recording by heading.
+        thumbnails: (recordings, side, side, 3); None without pictures.
+    """
+
+    tag: str
+    vectors: npt.NDArray[np.float32]
+    columns: Mapping[str, Sequence[str]]
+    thumbnails: Pixels | None = None
+
+
+Piece = Picture | Sound | Words | Points
+
+
+def folder_name(network: str) -> str:
+    """Return the name of a network's events, such that names sort in the order of reading.
+
+    Example:
+        >>> from tex_lightning.report.board import folder_name
+        >>> sorted(map(folder_name, ("fusion", "force", "visual", "haptic")))
+        ['1-haptic', '2-visual', '4-force', '5-fusion']
+    """
+    last = len(ORDER) + (2 if network == FUSION else 1)
+    return f"{ORDER.index(network) + 1 if network in ORDER else last}-{network}"
+
+
+def show(
+    logger: Logger,
+    part: str,
+    pieces: Iterable[Piece],
+    metrics: Mapping[str, float] | None = None,
+    trial: Mapping[str, Setting] | None = None,
+) -> None:
+    """Add pieces to TensorBoard or MLflow; other loggers show none.
+
+    Args:
+        logger: Logger of a network.
+        part: Name of what is shown together; in TensorBoard it replaces what an earlier process has
+            shown of this part.
+        pieces: What to show.
+        metrics: Scalars for TensorBoard, by tag.
+        trial: What makes this a trial among others in TensorBoard's HPARAMS; None if it is none.
+    """
+    if isinstance(logger, TensorBoardLogger):
+        from tex_lightning.report.events import write_events  # takes TensorBoard's modules
+
+        write_events(Path(logger.log_dir), part, [*pieces], metrics or {}, trial)
+    elif isinstance(logger, MLFlowLogger):
+        _to_artifacts(logger, part, pieces)
+
+
+def wav(samples: npt.NDArray[np.float32], rate: int) -> bytes:
+    """Return samples in [-1, 1] as the content of a WAV file of 16 bits."""
+    stream = io.BytesIO()
+    with wave.open(stream, "wb") as file:
+        file.setparams((1, 2, rate, len(samples), "NONE", ""))
+        file.writeframes((np.clip(samples, -1, 1) * 32767).astype("<i2").tobytes())
+    return stream.getvalue()
+
+
+def png(pixels: Pixels) -> bytes:
+    """Return pixels (height, width, 3) as the content of a PNG file."""
+    stream = io.BytesIO()
+    Image.fromarray(pixels).save(stream, "PNG", compress_level=4)  # larger by little, much faster
+    return stream.getvalue()
+
+
+def write_points(home: Path, piece: Points) -> None:
+    """Write vectors, text and thumbnails into a folder."""
+    rows = ("\t".join(f"{value:.5g}" for value in vector) for vector in piece.vectors.tolist())
+    write_text(home / "tensors.tsv", "\n".join(rows) + "\n")
+    cells = zip(*piece.columns.values(), strict=True)
+    lines = ["\t".join(piece.columns), *("\t".join(row) for row in cells)]
+    write_text(home / "metadata.tsv", "\n".join(lines) + "\n")
+    if piece.thumbnails is not None:
+        write_bytes(home / "sprite.png", png(sprite(piece.thumbnails)))
+
+
+def sprite(thumbnails: Pixels) -> Pixels:
+    """Join thumbnails (n, side, side, 3), row by row, to a square of as many each way."""
+    count, side = thumbnails.shape[:2]
+    across = int(np.ceil(np.sqrt(count)))
+    grid = np.zeros((across * across, side, side, 3), np.uint8)
+    grid[:count] = thumbnails
+    rows = grid.reshape(across, across, side, side, 3).swapaxes(1, 2)
+    return rows.reshape(across * side, across * side, 3)
+
+
+def _to_artifacts(logger: MLFlowLogger, part: str, pieces: Iterable[Piece]) -> None:
+    with tempfile.TemporaryDirectory() as name:
+        home = Path(name)
+        for piece in pieces:
+            if isinstance(piece, Points):
+                write_points(home / "projector" / piece.tag, piece)
+                continue
+            content, suffix = _file(piece)
+            write_bytes(home / f"{piece.tag}{suffix}", content)
+        logger.experiment.log_artifacts(logger.run_id, name, part)
+
+
+def _file(piece: Picture | Sound | Words) -> tuple[bytes, str]:
+    if isinstance(piece, Picture):
+        return piece.png, ".png"
+    if isinstance(piece, Sound):
+        return wav(piece.samples, piece.rate), ".wav"
+    return piece.markdown.encode(), ".md"

@@ -1,0 +1,91 @@
+"""Write what TensorBoard shows: one file of events for each part, and the projector's files."""
+
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from PIL import Image
+from tensorboard.compat.proto.summary_pb2 import Summary
+from torch.utils.tensorboard import summary
+from torch.utils.tensorboard.writer import FileWriter
+
+from tex_lightning.config.overrides import Setting
+from tex_lightning.core.files import write_text
+from tex_lightning.report.board import Picture, Piece, Points, Sound, Words, wav, write_points
+
+make: Any = summary  # whose functions are not typed
+
+
+def write_events(
+    folder: Path,
+    part: str,
+    pieces: Sequence[Piece],
+    metrics: Mapping[str, float],
+    trial: Mapping[str, Setting] | None,
+) -> None:
+    """Write one part of a run, in place of what an earlier process has written of it.
+
+    Args:
+        folder: Folder of the run's events.
+        part: Name of the part, with which its file ends.
+        pieces: What to show.
+        metrics: Scalars by tag.
+        trial: Hyper-parameters that make it a trial; None if it is none.
+    """
+    for earlier in folder.glob(f"events.out.tfevents.*.{part}"):  # of a run that was interrupted
+        earlier.unlink()
+    writer = FileWriter(str(folder), filename_suffix=f".{part}")
+    try:
+        for tag, value in metrics.items():
+            writer.add_summary(make.scalar(tag, value), 0)
+        if trial is not None:  # without a table of columns, which TensorBoard takes from one run
+            plain = {
+                key: str(value).lower() if isinstance(value, bool) else value
+                for key, value in trial.items()
+            }
+            for told in make.hparams(plain, {})[1:]:
+                writer.add_summary(told, 0)
+        for piece in pieces:
+            if not isinstance(piece, Points):
+                writer.add_summary(_summary(piece), 0)
+    finally:
+        writer.close()
+    if points := [piece for piece in pieces if isinstance(piece, Points)]:
+        _write_projector(folder, points)
+
+
+def _summary(piece: Picture | Sound | Words) -> Any:  # noqa: ANN401  (protocol buffers have no types)
+    if isinstance(piece, Words):
+        return make.text(piece.tag, piece.markdown)
+    if isinstance(piece, Sound):
+        audio = Summary.Audio(
+            sample_rate=piece.rate, num_channels=1, length_frames=len(piece.samples),
+            encoded_audio_string=wav(piece.samples, piece.rate), content_type="audio/wav",
+        )  # fmt: skip
+        return Summary(value=[Summary.Value(tag=piece.tag, audio=audio)])
+    with Image.open(io.BytesIO(piece.png)) as opened:
+        width, height = opened.size
+    image = Summary.Image(width=width, height=height, colorspace=3, encoded_image_string=piece.png)
+    return Summary(value=[Summary.Value(tag=piece.tag, image=image)])
+
+
+def _write_projector(folder: Path, points: Sequence[Points]) -> None:
+    """Write embeddings for TensorBoard's projector, in place of earlier ones."""
+    entries = []
+    for piece in points:
+        home = folder / "projector" / piece.tag
+        write_points(home, piece)
+        lines = [
+            f'tensor_name: "{piece.tag}"',
+            f'tensor_path: "projector/{piece.tag}/tensors.tsv"',
+            f'metadata_path: "projector/{piece.tag}/metadata.tsv"',
+        ]
+        if piece.thumbnails is not None:
+            side = piece.thumbnails.shape[1]
+            lines.append(
+                f'sprite {{ image_path: "projector/{piece.tag}/sprite.png" '
+                f"single_image_dim: {side} single_image_dim: {side} }}"
+            )
+        entries.append("embeddings {\n  " + "\n  ".join(lines) + "\n}\n")
+    write_text(folder / "projector_config.pbtxt", "".join(entries))

@@ -1,0 +1,46 @@
+"""Tell the loggers of a network what its test has shown."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from lightning.pytorch.loggers import Logger
+
+from tex_lightning.config import Config, Folding, plain_values
+from tex_lightning.learning.loggers import log_test, trial_settings
+from tex_lightning.report.board import Piece
+from tex_lightning.report.gallery import figure_pieces, text_pieces
+from tex_lightning.studies.dataset import Dataset, data_facts
+
+
+def log_network(
+    config: Config,
+    dataset: Dataset,
+    directory: Path,
+    loggers: Sequence[Logger],
+    networks: Mapping[str, Any],
+    trains: Sequence[Folding] = (),
+    further: Sequence[Piece] = (),
+) -> None:
+    """Log a network that a run has tested, with its figures; of the last one the run's texts, too.
+
+    Args:
+        config: The configuration.
+        dataset: What it was trained and tested on.
+        directory: The run folder, whose figures are drawn.
+        loggers: Loggers of the network.
+        networks: Entries of ``results.json`` of the networks tested so far, this one the last.
+        trains: Divisions that it was trained on, which make it a trial among other trainings; a
+            test alone is none.
+        further: Further pieces to show.
+    """
+    *_, name = networks
+    model, values = config.model, plain_values(config)
+    pieces: list[Piece] = [*figure_pieces(directory, name), *further]
+    if not trains or name == model.kind:
+        results = {"classes": dataset.classes, "networks": networks}
+        facts = data_facts(config.data, dataset, trains)
+        pieces += text_pieces(directory, results, facts)
+    trial = trial_settings(directory, model.name, config.data.name, name) if trains else None
+    told = values if trains else {key: values[key] for key in ("seed", "data")}
+    log_test(loggers, name, told, networks[name], pieces, trial)
