@@ -22,6 +22,7 @@ from tex_lightning.classifier.vote import RULES, Vote, random_tuples
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.devices import computing_threads
 from tex_lightning.core.files import write_atomically
+from tex_lightning.data.recordings import Recording
 from tex_lightning.errors import UserError
 from tex_lightning.networks.archives import SizeLimit, check_numbers
 from tex_lightning.networks.blocks import Head, Level, independent_copy, score_layer_of
@@ -62,6 +63,9 @@ class SurfaceClassifier(nn.Module):
             :class:`~tex_lightning.classifier.statistics.FeatureStatistics` of the embeddings
             (:meth:`embedding`) of the training recordings; empty before training has ended, and for
             a checkpoint without them.
+        trained_embeddings: By the name of the sense the training recordings and the means of their
+            embeddings (recordings, D), as long as the classifier is that which was trained on them;
+            no part of its state.
 
     Example:
         >>> import tex_lightning as tl, torch
@@ -92,6 +96,7 @@ class SurfaceClassifier(nn.Module):
             self.fusion = FusionLayer(*networks, classes=len(card.classes), **card.fusion)
             self.fusion.remove_scores(networks)
         self.statistics = nn.ModuleDict()
+        self.trained_embeddings: dict[str, tuple[Sequence[Recording], Tensor]] = {}
         self.layers = {name: self._layers(name) for name in senses}
 
     @classmethod

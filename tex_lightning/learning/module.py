@@ -27,6 +27,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.networks.fusionnet import FusionLayer
+from tex_lightning.senses.base import Change
 
 REFRESH = 5  # steps, after which the progress bar shows new figures
 APART = 1 << 50  # between the dropout of two processes, more than seeds and epochs span
@@ -76,13 +77,17 @@ class SurfaceModule(LightningModule):
 
     def inputs(self, batch: Batch) -> list[Tensor]:
         """Return the network inputs (batch, ...) of a training batch, in float32, by sense."""
-        change = self._augmented if self.augmentation is not None and self.training else None
-        inputs = []
+        change, inputs = self.change if self.training else None, []
         for name, sense in self.classifier.senses.items():
             with full_precision(sense.device):
                 x = sense.training_input(batch[name], self.pieces[name], change)
             inputs.append(x.contiguous() if self.layout is torch.contiguous_format else x)
         return inputs
+
+    @property
+    def change(self) -> Change | None:
+        """The recipe's augmentation of photos, if there is one."""
+        return None if self.augmentation is None else self._augmented
 
     def _augmented(self, patches: Tensor) -> Tensor:
         """Apply the recipe's augmentation to photos (batch, 3, side, side) in [0, 1]."""

@@ -39,6 +39,8 @@ def keep_statistics(
 ) -> dict[str, list[float | None]]:
     """Set the :attr:`~SurfaceClassifier.statistics` of every sense of a trained classifier.
 
+    Its :attr:`~SurfaceClassifier.trained_embeddings` are set, too.
+
     Args:
         classifier: Trained, on the device that computes the features; left in evaluation mode.
         rows: The training recordings, which are not perturbed.
@@ -69,6 +71,7 @@ def keep_statistics(
                 f"Training of the {name} network diverged, its features are NaN or too large to "
                 f"square; lower model.{name}.fit.learning_rate or weight_decay of its optimizer."
             )
+        classifier.trained_embeddings[name] = recordings, features
         statistics = FeatureStatistics.of(features, labels, len(classes))
         classifier.statistics[name] = statistics.to(classifier.device)
         groups = [row.group_key for row in recordings]

@@ -29,6 +29,7 @@ from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.recordings import class_indices
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
+from tex_lightning.learning.inputs import show_inputs
 from tex_lightning.learning.module import SurfaceModule, start_fusion
 from tex_lightning.learning.start import start_network
 from tex_lightning.learning.statistics import complete_card, keep_statistics
@@ -90,6 +91,7 @@ def train_network(
     if not resumed:
         groups = [row.group_key for row in parts.train.of(card.modalities[0]).rows]
         start_network(module, batches, groups, config.sources.get(card.kind), device, config.engine)
+        show_inputs(loggers, module, batches)
     validation = SampleSet(make_samples(parts.val, card.modalities), store, card.classes)
     data = SurfaceData(batches, fit["steps_per_epoch"], validation, config.data.num_workers)
     preparation = time.perf_counter() - begin

@@ -81,6 +81,11 @@ def folder_name(network: str) -> str:
     return f"{ORDER.index(network) + 1 if network in ORDER else last}-{network}"
 
 
+def shows(loggers: Iterable[Logger]) -> bool:
+    """Return whether one of the loggers shows pieces."""
+    return any(isinstance(logger, TensorBoardLogger | MLFlowLogger) for logger in loggers)
+
+
 def show(
     logger: Logger,
     part: str,

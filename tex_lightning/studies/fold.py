@@ -35,6 +35,7 @@ from tex_lightning.learning.loggers import log_test, open_loggers
 from tex_lightning.learning.start import starting_classifier
 from tex_lightning.learning.train import checkpoint_of, shared_folder, train_network
 from tex_lightning.learning.trial import try_baseline, try_custom_parts, try_training
+from tex_lightning.report.embeddings import projector_pieces
 from tex_lightning.studies.dataset import Dataset, open_dataset, show_opening
 from tex_lightning.studies.evaluate_checkpoint import (
     draw_figures,
@@ -303,7 +304,10 @@ def _test_network(
     if draw:
         draw_figures(outcomes, dataset.classes, kind, directory)
         before = {name: entry for name, entry in networks.items() if name != kind}
-        log_network(config, dataset, directory, loggers, {**before, kind: result}, [config.data])
+        points = projector_pieces(classifier, samples, outcomes, store)
+        log_network(
+            config, dataset, directory, loggers, {**before, kind: result}, [config.data], points
+        )
     else:
         log_test(loggers, kind, plain_values(config), result)
     tested = tested_part(config.data)

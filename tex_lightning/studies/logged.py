@@ -1,6 +1,6 @@
 """Tell the loggers of a network what its test has shown."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +8,7 @@ from lightning.pytorch.loggers import Logger
 
 from tex_lightning.config import Config, Folding, plain_values
 from tex_lightning.learning.loggers import log_test, trial_settings
-from tex_lightning.report.board import Piece
+from tex_lightning.report.board import Piece, shows
 from tex_lightning.report.gallery import figure_pieces, text_pieces
 from tex_lightning.studies.dataset import Dataset, data_facts
 
@@ -20,7 +20,7 @@ def log_network(
     loggers: Sequence[Logger],
     networks: Mapping[str, Any],
     trains: Sequence[Folding] = (),
-    further: Sequence[Piece] = (),
+    further: Iterable[Piece] = (),
 ) -> None:
     """Log a network that a run has tested, with its figures; of the last one the run's texts, too.
 
@@ -32,12 +32,14 @@ def log_network(
         networks: Entries of ``results.json`` of the networks tested so far, this one the last.
         trains: Divisions that it was trained on, which make it a trial among other trainings; a
             test alone is none.
-        further: Further pieces to show.
+        further: Further pieces, made where a logger shows any.
     """
     *_, name = networks
     model, values = config.model, plain_values(config)
-    pieces: list[Piece] = [*figure_pieces(directory, name), *further]
-    if not trains or name == model.kind:
+    pieces: list[Piece] = []
+    if shows(loggers):
+        pieces += [*figure_pieces(directory, name), *further]
+    if pieces and (not trains or name == model.kind):
         results = {"classes": dataset.classes, "networks": networks}
         facts = data_facts(config.data, dataset, trains)
         pieces += text_pieces(directory, results, facts)

@@ -1,0 +1,90 @@
+"""Pictures without a plotting library: network inputs as pixels, in rows with captions."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from PIL import Image, ImageDraw, ImageFont
+from torch import Tensor
+
+from tex_lightning.report.style import brief
+from tex_lightning.senses.features.image import ImageFeatures
+
+Pixels = npt.NDArray[np.uint8]
+SHADES = 256
+OUTER = 0.5  # percent of the values at each end whose shade is that of the end
+FEW = 8  # rows of what is no picture
+LEAST = 96  # pixels on the shorter side, to which smaller inputs are enlarged
+MOST = 640  # pixels along a picture
+LINE = 14  # pixels of a line of text
+GAP = 6
+MAX_CAPTION = 40  # characters
+
+
+def input_pixels(x: Tensor, features: object, largest: int = MOST) -> Pixels:
+    """Return a network input (C, height, width) as a picture (h, w, 3), low bands at the bottom.
+
+    A photo that was normalised for a trunk gets its colours back; anything else is shown in shades
+    from its smallest to its largest values, axes and channels above each other.
+
+    Args:
+        x: The input of one recording; a signal's may have fewer or more dimensions, time last.
+        features: The features that made it.
+        largest: Pixels along the picture.
+    """
+    x = x.detach().float().cpu()
+    if isinstance(features, ImageFeatures) and x.dim() == 3 and len(x) == 3:
+        colours = (x * features.std.cpu() + features.mean.cpu()) * 255
+        pixels = colours.round().clamp(0, 255).to(torch.uint8).permute(1, 2, 0).numpy()
+        return _sized(pixels, largest)
+    values = x.reshape(-1, x.shape[-1]).numpy()[::-1]
+    return _sized(shaded(values), largest)
+
+
+def shaded(values: npt.NDArray[np.float32]) -> Pixels:
+    """Return values (height, width) as shades (height, width, 3), extremes cut off."""
+    from matplotlib import colormaps  # slow, and what has no figures does without
+
+    low, high = np.percentile(values, (OUTER, 100 - OUTER))
+    levels = (values - low) * (SHADES - 1) / max(high - low, 1e-12)
+    table = (colormaps["viridis"](np.arange(SHADES))[:, :3] * 255).astype(np.uint8)
+    return np.asarray(table[np.clip(levels, 0, SHADES - 1).astype(np.intp)])
+
+
+def _sized(pixels: Pixels, largest: int) -> Pixels:
+    """Enlarge a small picture by whole factors, and reduce a large one."""
+    height, width = pixels.shape[:2]
+    rows, columns = max(1, LEAST // height), max(1, LEAST // width)
+    if height > FEW:  # a picture, and not some features in time, keeps its proportions
+        rows = columns = max(1, LEAST // min(height, width))
+    pixels = pixels.repeat(rows, axis=0).repeat(columns, axis=1)
+    if max(pixels.shape[:2]) <= largest:
+        return pixels
+    picture = Image.fromarray(pixels)
+    picture.thumbnail((largest, largest))
+    return np.asarray(picture)
+
+
+def row_of(pictures: Sequence[Pixels], captions: Sequence[str], across: int = 4) -> Pixels:
+    """Return pictures beside each other with captions below, in rows of at most ``across``."""
+    width = max(picture.shape[1] for picture in pictures)
+    height = max(picture.shape[0] for picture in pictures) + LINE
+    columns = min(across, len(pictures))
+    rows = -(-len(pictures) // columns)
+    size = (columns * (width + GAP) - GAP, rows * (height + GAP) - GAP)
+    sheet = Image.new("RGB", size, "white")
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(LINE - 4)
+    for place, (picture, caption) in enumerate(zip(pictures, captions, strict=True)):
+        x, y = place % columns * (width + GAP), place // columns * (height + GAP)
+        sheet.paste(Image.fromarray(picture), (x, y))
+        text = _fitting(brief(caption, MAX_CAPTION), font, width)
+        draw.text((x, y + picture.shape[0] + 1), text, fill="black", font=font)
+    return np.asarray(sheet)
+
+
+def _fitting(text: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, width: int) -> str:
+    """Return as much of a text as fits a width in pixels."""
+    while len(text) > 1 and font.getlength(text) > width:
+        text = f"{text[:-2]}…"
+    return text
