@@ -1,8 +1,16 @@
 """What TensorBoard shows of runs, read by its own reader."""
 
+import io
+import json
 import shutil
 
+import numpy as np
+import pytest
 from event_files import START, count, runs, trials, words
+from google.protobuf import text_format
+from PIL import Image
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from tensorboard.plugins.projector.projector_config_pb2 import ProjectorConfig
 
 
 def test_runs_sort_as_they_are_read_and_no_chart_is_called_epoch(fused):
@@ -10,7 +18,7 @@ def test_runs_sort_as_they_are_read_and_no_chart_is_called_epoch(fused):
     assert list(found) == ["tensorboard/1-haptic", "tensorboard/2-visual", "tensorboard/5-fusion"]
     for events in found.values():
         scalars = events.Tags()["scalars"]
-        assert {"train/loss", "val/loss", "test/vote_accuracy", "objective/val_loss"} <= {*scalars}
+        assert {"train/loss", "val/loss", "test/vote_accuracy"} <= {*scalars}
         assert "epoch" not in scalars
         assert len(events.Scalars("test/vote_accuracy")) == 1
 
@@ -31,6 +39,16 @@ def test_what_a_sweep_varies_is_in_columns_and_names(swept):
     assert [*found] == [f"{n}/tensorboard/1-haptic test_fold={n}" for n in (0, 1)]
     assert all("experiment" not in events.summary_metadata for events in runs(swept).values())
     assert count(swept, "_hparams_/experiment") == 0  # which would hide the columns of other runs
+
+
+def test_what_decides_between_trials_comes_first_among_columns(fused):
+    entry = json.loads((fused / "results.json").read_text())["networks"]["haptic"]
+    events = runs(fused)["tensorboard/1-haptic"]
+    first = sorted(events.Tags()["scalars"])[:4]  # as TensorBoard's table has them
+    assert all(name.startswith("Trial/") for name in first)
+    values = [scalar.value for name in first for scalar in events.Scalars(name)]
+    expected = [entry["val_loss"], entry["vote_accuracy"], *entry["vote_ci95"]]
+    assert values == pytest.approx(expected)
 
 
 def test_folds_are_parts_of_one_trial(crossvalidated):
@@ -79,3 +97,53 @@ def test_figures_of_the_run_folder_are_shown_as_they_are(fused):
         (image,) = events.Images("confusion/recordings")
         file = fused / "figures" / f"{name}_confusion.png"
         assert image.encoded_image_string == file.read_bytes()
+
+
+def test_inputs_are_shown_before_and_after_augmentation(fused):
+    found = runs(fused)["tensorboard/5-fusion"]
+    tags = [tag for tag in found.Tags()["images"] if tag.startswith("inputs/")]
+    assert sorted(tags) == [
+        f"inputs/{kind}, {when} augmentation"
+        for kind in ("haptic spectrograms", "visual photos")
+        for when in ("1 before", "2 after")
+    ]
+    pictures = [decoded(found, tag) for tag in sorted(tags)]
+    assert all(picture.std() > 10 for picture in pictures)  # they are no blanks
+    assert pictures[2].shape == pictures[3].shape
+    turned = np.abs(pictures[2].astype(int) - pictures[3]).mean()
+    assert turned > 10  # photos of the same places are turned
+
+
+def decoded(events: EventAccumulator, tag: str) -> np.ndarray:
+    (image,) = events.Images(tag)
+    return np.asarray(Image.open(io.BytesIO(image.encoded_image_string)).convert("RGB"))
+
+
+def test_the_projector_has_label_and_thumbnail_of_each_recording(fused):
+    home = fused / "tensorboard" / "5-fusion"
+    config = text_format.Parse((home / "projector_config.pbtxt").read_text(), ProjectorConfig())
+    assert [each.tensor_name for each in config.embeddings] == ["haptic", "visual"]
+    for each in config.embeddings:
+        vectors = np.loadtxt(home / each.tensor_path, delimiter="\t")
+        heading, *lines = (home / each.metadata_path).read_text().splitlines()
+        assert heading.split("\t") == ["label", "predicted", "part", "file"]
+        cells = [line.split("\t") for line in lines]
+        assert len(cells) == len(vectors) == 27  # 24 trained on, 3 tested
+        assert sorted({(row[0], row[2]) for row in cells if row[2] == "test"}) == [
+            (label, "test") for label in ("alpha", "beta", "gamma")
+        ]
+        side = each.sprite.single_image_dim[0]
+        with Image.open(home / each.sprite.image_path) as sprite:
+            assert sprite.size == (6 * side, 6 * side)
+
+
+def test_embeddings_tell_classes_apart_that_the_network_tells_apart(bands):
+    (home,) = (bands / "tensorboard").iterdir()
+    name = next((home / "projector").iterdir())
+    vectors = np.loadtxt(name / "tensors.tsv", delimiter="\t")
+    lines = [line.split("\t") for line in (name / "metadata.tsv").read_text().splitlines()[1:]]
+    labels, parts = (np.array([line[column] for line in lines]) for column in (0, 2))
+    trained, kinds = parts == "training", sorted({*labels})
+    centres = np.stack([vectors[trained & (labels == kind)].mean(axis=0) for kind in kinds])
+    distances = np.linalg.norm(vectors[~trained, None] - centres, axis=2)
+    assert [kinds[nearest] for nearest in distances.argmin(axis=1)] == [*labels[~trained]]

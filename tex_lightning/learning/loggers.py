@@ -104,8 +104,8 @@ def log_test(
         "test/fit_seconds": result["fit_seconds"],
         **{f"test/{key}": value for key, value in result["calibration"].items()},
     }
-    if trial is not None and result.get("val_loss") is not None:
-        metrics["objective/val_loss"] = result["val_loss"]
+    if trial is not None:
+        metrics |= _compared(result)
     for logger in loggers:
         if not isinstance(logger, TensorBoardLogger):
             logger.log_hyperparams(_hyper_parameters(config, name))
@@ -126,6 +126,22 @@ def trial_settings(directory: Path, model: str, data: str, network: str) -> dict
     """
     chosen = chosen_settings(typed_overrides(directory), swept_keys(directory))
     return {"network": network, "model": model, "data": data, **chosen}
+
+
+def _compared(result: Mapping[str, Any]) -> dict[str, float]:
+    """Return by what trials are compared, under names that come first among TensorBoard's columns.
+
+    These are what a search minimises, where there is a validation fold, and the accuracy of the
+    test with its interval.
+    """
+    low, high = result["vote_ci95"]
+    columns = {
+        "1 objective, val_loss": result.get("val_loss"),
+        "2 test accuracy": result["vote_accuracy"],
+        "3 its 95 % interval from": low,
+        "4 its 95 % interval to": high,
+    }
+    return {f"Trial/{name}": value for name, value in columns.items() if value is not None}
 
 
 def _hyper_parameters(config: dict[str, Any], name: str) -> dict[str, Any]:
