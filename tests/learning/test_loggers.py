@@ -5,10 +5,14 @@ import json
 from pathlib import Path
 
 import pytest
+import torch
+from conftest import make_card
+from event_files import runs
 from own_parts import EpochCounter, MemoryLogger
 
 from tex_lightning.errors import UserError
-from tex_lightning.learning.loggers import open_loggers
+from tex_lightning.learning.loggers import RunLogger, open_loggers
+from tex_lightning.learning.module import SurfaceModule
 
 VOTES = ("loss", "fragment_accuracy", "vote_accuracy")
 
@@ -25,6 +29,7 @@ def run(run_once, surfaces) -> Path:
         *arguments(surfaces),
         "+logger.mine._target_=own_parts.MemoryLogger",
         "+callbacks.mine._target_=own_parts.EpochCounter",
+        "logger.tensorboard.log_graph=true",
         "decision.unknown=0.05",  # without classes held out, on which a figure could be had
     )
 
@@ -75,3 +80,55 @@ def test_an_evaluation_is_logged_too(cli, run, surfaces, tmp_path):
     logger = MemoryLogger.kept["haptic"]
     entry = json.loads((tmp_path / "results.json").read_text())["networks"]["haptic"]
     assert logger.metrics["test/vote_accuracy"] == [entry["vote_accuracy"]]
+
+
+def test_the_graph_is_shown_on_demand(run, fused):
+    (events,) = runs(run).values()
+    operations = {node.op for node in events.Graph().node}
+    assert "aten::_convolution" in operations
+    assert not any(found.Tags()["graph"] for found in runs(fused).values())
+
+
+def test_tracing_a_graph_changes_nothing_of_the_training(tmp_path):
+    fit = {"head_factor": 1.0, "augmentation": None}
+    module = SurfaceModule(make_card("haptic", "visual", width=0.1), fit, 0,
+                           {"haptic": 256, "visual": 224}).train()  # fmt: skip
+    module.classifier.senses["haptic"].network.eval()  # as what is trained already stays
+    before = [part.training for part in module.modules()]
+    torch.manual_seed(0)
+    expected = torch.rand(1)
+    torch.manual_seed(0)
+    logger = RunLogger(tmp_path, "tensorboard", "5-fusion", log_graph=True)
+    logger.log_graph(module)
+    assert torch.equal(torch.rand(1), expected)
+    assert [part.training for part in module.modules()] == before
+    logger.finalize("success")
+    (events,) = runs(tmp_path).values()
+    assert any("FusionLayer" in node.name for node in events.Graph().node)
+
+
+def test_a_network_that_cannot_be_traced_is_told_and_trained(tmp_path, monkeypatch, caplog):
+    module = SurfaceModule(make_card("haptic", width=0.1), {"augmentation": None}, 0,
+                           {"haptic": 256})  # fmt: skip
+    monkeypatch.setattr(SurfaceModule, "forward", lambda *_: {"scores": {1: "text"}})
+    logger = RunLogger(tmp_path, "tensorboard", "1-haptic", log_graph=True)
+    logger.log_graph(module)
+    logger.finalize("success")
+    assert "There is no graph of this network for TensorBoard" in caplog.text
+
+
+def test_mlflow_gets_the_same_figures_as_artifacts(cli, fused, surfaces, tmp_path):
+    pytest.importorskip("mlflow")
+    outcome = cli(
+        "task=evaluate", f"checkpoint={fused}/checkpoints/haptic.ckpt", "data=folder",
+        f"data.root={surfaces}", "logger=mlflow", f"hydra.run.dir={tmp_path}",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    (home,) = tmp_path.glob("mlartifacts/*/artifacts/test")
+    there = {str(file.relative_to(home)) for file in home.rglob("*") if file.is_file()}
+    assert there >= {
+        "confusion/recordings.png", "1 command.md", "2 data.md", "3 results.md",
+        "projector/haptic/tensors.tsv", "projector/haptic/sprite.png",
+    }  # fmt: skip
+    drawn = (tmp_path / "figures" / "haptic_confusion.png").read_bytes()
+    assert (home / "confusion" / "recordings.png").read_bytes() == drawn

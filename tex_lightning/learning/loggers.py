@@ -1,30 +1,70 @@
 """Loggers of a network: made as configured, and given what its test has shown."""
 
-import re
+import logging
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import torch
 from lightning.pytorch.loggers import CSVLogger, Logger, TensorBoardLogger
+from lightning.pytorch.utilities import rank_zero_only
+from torch import Tensor, nn
 
 from tex_lightning.config import flatten
 from tex_lightning.config.instantiation import build_derived, find_callable
 from tex_lightning.config.overrides import Setting, chosen_settings, swept_keys
-from tex_lightning.report.board import Piece, folder_name, show
+from tex_lightning.errors import reason
+from tex_lightning.learning.module import SurfaceModule
+from tex_lightning.report.board import MAX_NAME, UNUSUAL, Piece, folder_name, show
 from tex_lightning.report.table import typed_overrides
 
-MAX_NAME = 80  # characters of a run's name
-UNUSUAL = re.compile(r"[^\w.,+=@ -]")  # in the name of a folder
+log = logging.getLogger(__name__)
 
 Nodes = Mapping[str, Mapping[str, Any] | None]  # of the configuration, by the logger's name
 
 
 class RunLogger(TensorBoardLogger):
-    """Lightning's logger for TensorBoard without a chart of the epoch, which would come first."""
+    """Lightning's logger for TensorBoard without a chart of the epoch, which would come first.
+
+    With ``log_graph`` it shows the graph of each network that takes steps or is fitted.
+    """
 
     def log_metrics(self, metrics: Mapping[str, float], step: int | None = None) -> None:
         """Log what Lightning does, but for its count of epochs."""
         super().log_metrics({key: value for key, value in metrics.items() if key != "epoch"}, step)
+
+    @rank_zero_only
+    def log_graph(self, model: nn.Module, input_array: Tensor | None = None) -> None:
+        """Trace the network as it classifies; one that cannot be traced is told, and trained."""
+        if not self._log_graph or not isinstance(model, SurfaceModule):
+            return
+        modes = {part: part.training for part in model.modules()}
+        model.eval()
+        try:
+            with warnings.catch_warnings(), torch.random.fork_rng():
+                warnings.simplefilter("ignore")  # of tracing, which is for the eye alone
+                self.experiment.add_graph(_Drawn(model), tuple(model.example_inputs()))
+        except Exception as error:  # whatever PyTorch cannot trace, it says in as many ways
+            log.warning("There is no graph of this network for TensorBoard: %s.", reason(error))
+        finally:
+            for part, training in modes.items():  # some of which differ from that of the whole
+                part.training = training
+
+
+class _Drawn(nn.Module):
+    """The parts of a module that a graph shows; tracing would look at all of its properties."""
+
+    def __init__(self, module: SurfaceModule) -> None:
+        super().__init__()
+        senses = module.classifier.senses.items()
+        self.networks = nn.ModuleDict({name: sense.network for name, sense in senses})
+        self.fusion = module.classifier.fusion
+        self.run = [module.forward]  # in a list, since it is no part
+
+    def forward(self, *inputs: Tensor) -> Tensor:
+        """Return class scores."""
+        return self.run[0](*inputs)
 
 
 def open_loggers(nodes: Nodes, directory: Path, name: str) -> list[Logger]:

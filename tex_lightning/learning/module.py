@@ -139,7 +139,12 @@ class SurfaceModule(LightningModule):
 
     def scores(self, batch: Batch) -> Tensor:
         """Return class scores (batch, classes, fragments or tuples) of a training batch."""
-        inputs, senses = self.inputs(batch), self.classifier.senses.values()
+        scores: Tensor = self(*self.inputs(batch))
+        return scores
+
+    def forward(self, *inputs: Tensor) -> Tensor:
+        """Return class scores (batch, classes, fragments or tuples) of an input of each sense."""
+        senses = self.classifier.senses.values()
         if self.kind == FUSION:
             levels = self.fusion.levels
             return self._fused(
@@ -148,6 +153,18 @@ class SurfaceModule(LightningModule):
             )
         (x,), (sense,) = inputs, senses
         return sense.score(x, "fc3").flatten(2)
+
+    def example_inputs(self) -> list[Tensor]:
+        """Make an input (1, ...) of each sense, as large as a piece."""
+        inputs = []
+        for name, sense in self.classifier.senses.items():
+            size, x = self.pieces[name], sense.example()
+            if sense.medium == "photo":
+                x = sense.blank(size, size)
+            elif x.shape[-1] == 1:  # a spectrogram of one frame
+                x = x.repeat(*[1] * (x.dim() - 1), size)
+            inputs.append(x.to(sense.device))
+        return inputs
 
     def _fused(self, features: Iterable[Tensor]) -> Tensor:
         """Return class scores (batch, classes, tuples) of features (batch, D, positions)."""

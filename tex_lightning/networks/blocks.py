@@ -178,7 +178,10 @@ class Head(nn.Module):
     @property
     def score_layer(self) -> nn.Conv2d:
         """FC3, the 1x1 convolution from FC2's features to class scores."""
-        *_, layer = self.scores.children()
+        layers = [*self.scores.children()]
+        if not layers:  # a fusion on FC2 has removed them
+            raise AttributeError("This head has no layer of scores.")
+        layer = layers[-1]
         return cast(nn.Conv2d, layer)
 
     def forward(self, x: Tensor, level: Level = "fc3") -> Tensor:

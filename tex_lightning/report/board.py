@@ -4,6 +4,7 @@ Pictures come as PNG, so that a figure of the run folder is written and never dr
 """
 
 import io
+import re
 import tempfile
 import wave
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,6 +23,8 @@ Pixels = npt.NDArray[np.uint8]
 LARGEST = 8192  # pixels along a sprite, of which TensorBoard shows no more
 ORDER = ("haptic", "visual", "sound")  # of reading; then senses of the user's, and the fusion last
 FUSION = "fusion"
+UNUSUAL = re.compile(r"[^\w.,+=@ -]")  # in the name of a file
+MAX_NAME = 80  # characters of it
 
 
 @dataclass(frozen=True)
@@ -156,7 +159,9 @@ def _to_artifacts(logger: MLFlowLogger, part: str, pieces: Iterable[Piece]) -> N
                 write_points(home / "projector" / piece.tag, piece)
                 continue
             content, suffix = _file(piece)
-            write_bytes(home / f"{piece.tag}{suffix}", content)
+            folder, slash, name = piece.tag.partition("/")
+            path = f"{folder}{slash}{UNUSUAL.sub('_', name)[:MAX_NAME]}{suffix}"
+            write_bytes(home / path, content)
         logger.experiment.log_artifacts(logger.run_id, name, part)
 
 
