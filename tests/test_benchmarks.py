@@ -38,7 +38,10 @@ data:
     balanced: true
     protocols: [lamp]
 systems:
-  haptic: {bands: [model=haptic_bands], log_bands: [], broken: [model=mfcc_nb, "data.channels=[7]"]}
+  haptic:
+    bands: [model=band_proportions]
+    log_bands: []
+    broken: [model=mfcc_nb, "data.channels=[7]"]
 """
 
 
@@ -97,7 +100,7 @@ data:
     divide: {haptic: {train: 4, every: 3}}
     models: [bands]
 models:
-  bands: {overrides: [model=haptic_bands], once: true}
+  bands: {overrides: [model=band_proportions], once: true}
 shapes:
   any: {unchanged: {}}
   haptic: {test_tiny: {test: {cut: {value: 0.01, count: 1}}}, test_flat: {test: {flat: null}}}

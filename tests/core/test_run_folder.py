@@ -8,8 +8,14 @@ import time
 from pathlib import Path
 
 import pytest
+from omegaconf import OmegaConf
 
-from tex_lightning.core.run_folder import find_checkpoint, locked_folder, remove_if_empty
+from tex_lightning.core.run_folder import (
+    find_checkpoint,
+    locked_folder,
+    remove_if_empty,
+    subject,
+)
 from tex_lightning.errors import UserError
 
 
@@ -106,3 +112,28 @@ def test_an_empty_current_folder_is_not_removed(tmp_path, monkeypatch):
     assert not list(here.iterdir())
     remove_if_empty(Path())
     assert here.is_dir()
+
+
+def test_a_run_folder_says_what_is_evaluated(tmp_path, bands):
+    def named(task: str, checkpoint: object) -> str:
+        root = {"task": task, "checkpoint": checkpoint, "model": {"name": "visual"}}
+        return subject(_root_=OmegaConf.create(root))
+
+    assert named("fit", None) == named("evaluate", None) == named("fit", str(bands)) == "visual"
+    assert named("evaluate", str(bands)) == "band_proportions"
+    part = tmp_path / "checkpoints" / "haptic.ckpt"
+    part.parent.mkdir()
+    networks = {"haptic": {}, "visual": {}, "fusion": {}}
+    (tmp_path / "results.json").write_text(json.dumps({"model": "mine", "networks": networks}))
+    part.touch()
+    assert named("evaluate", str(part)) == "haptic"
+    part.rename(part.with_name("fusion.ckpt"))
+    assert named("evaluate", str(part.with_name("fusion.ckpt"))) == "mine"
+    assert named("export", str(tmp_path / "nothing")) == "nothing"
+    assert named("export", "") == "checkpoint"
+
+
+def test_a_former_name_is_answered_with_the_one_of_today(cli):
+    outcome = cli("model=haptic_bands")
+    assert outcome.status == 2
+    assert "it is called model=band_proportions now" in outcome.err

@@ -29,6 +29,7 @@ from tex_lightning.config.tasks import (
     StreamConfig,
     TrainerConfig,
 )
+from tex_lightning.core.run_folder import subject
 
 __all__ = [
     "READ_FILES", "SILENT", "TASKS", "Config", "DataConfig", "DecisionConfig", "EngineConfig",
@@ -149,6 +150,7 @@ def flatten(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 def register() -> None:
     """Make the schema known to Hydra, beside those of other applications in this process."""
     register_folders()
+    OmegaConf.register_new_resolver("subject", subject, replace=True)
     ConfigStore.instance().store(name="tex_lightning_schema", node=_schema())
 
 

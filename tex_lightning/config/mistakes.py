@@ -16,6 +16,11 @@ from tex_lightning.errors import UserError, shorten
 
 MISTAKES = (HydraException, OmegaConfBaseException, YAMLError)  # the last of a user's own files
 KEY = re.compile(r"Could not (?:override|append to config|delete).*?'([^'=]+)")
+# Options that have another name now, by group and former name.
+RENAMED = {
+    ("model", "haptic_bands"): "band_proportions",
+    ("sense", "bands"): "band_proportions",
+}
 MANY = 4  # keys that a wrong one may stand for
 NOISE = ("full_key:", "object_type=", "reference_type=", "See https:", "Set the environment", "To ")
 
@@ -31,6 +36,8 @@ def explain(error: Exception) -> UserError:
     group, _, option = str(getattr(error, "missing_cfg_file", "")).rpartition("/")
     if isinstance(error, MissingConfigException) and group:
         options = error.options or [file.stem for file in (CONF / group).glob("*.yaml")]
+        if name := RENAMED.get((group, option)):
+            return UserError(f"{group}={option} does not exist: it is called {group}={name} now.")
         return UserError(
             f"{group}={shorten(option)} does not exist{nearest(option, options)}; "
             f"choose one of {', '.join(sorted(options))}."

@@ -25,6 +25,8 @@ NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
 USUAL = ("outputs", "TASK", "MODEL-DATA", "TIME")  # folders that a run makes if it is given none
 WORK = ("checkpoints", "folds", "systems", "predictions", "results.json")
 
+TRAINS = ("fit", "crossval", "frontier")  # tasks that take no checkpoint
+
 # Settings that change neither weights nor figures; a run may be continued with others.
 FREE_KEYS = (
     "crossval.", "frontier.only", "logger.", "data.cache_dir",
@@ -117,6 +119,21 @@ def claim_folder(composed: DictConfig, values: dict[str, Any], job: "Job") -> No
         ("overrides", OmegaConf.create(list(job.overrides))),
     ):
         write_text(directory / ".hydra" / f"{name}.yaml", OmegaConf.to_yaml(content))
+
+
+def subject(*, _root_: DictConfig) -> str:
+    """Return what a run works on, for its folder: the model, or whose checkpoint is taken."""
+    source = OmegaConf.select(_root_, "checkpoint")
+    if source is None or _root_.task in TRAINS:
+        return str(_root_.model.name)
+    try:
+        file = find_checkpoint(source)
+        run = file.parents[1]
+        results = read_record(run / "results.json") if (run / "results.json").is_file() else {}
+        whole = file.stem == [*results.get("networks", {"": None})][-1]
+        return str(results["model"]) if whole else file.stem
+    except (UserError, IndexError, KeyError, OSError):  # the task says what is wrong with it
+        return "checkpoint"
 
 
 def find_checkpoint(source: str | Path) -> Path:
