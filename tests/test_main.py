@@ -124,7 +124,6 @@ def test_mistakes_end_in_one_sentence_and_status_2(cli, tmp_path, monkeypatch, a
         (["model=minirocket", "model.senses=[haptic,sound]"], "looks at one sense"),
         (["data.root=/somewhere"], "data.root is not read by data=synthetic"),
         (["data.val_fold=0"], "both 0: choose different folds"),
-        (["data.test_fold=null"], "data.test_fold is null"),
         (["task=crossval", "data.val_fold=2"], "not by task=crossval: leave it out"),
         (["checkpoint=a.ckpt"], "not by task=fit"),
         (["decision.unknown=0.05", "model=minirocket"], "and model=minirocket is none"),

@@ -201,6 +201,19 @@ def test_all_conditions_must_hold_and_numbers_are_compared_by_size(where, tested
     assert names(parts.train) == [f"a{n}.wav" for n in range(5) if n not in tested]
 
 
+@pytest.mark.parametrize("inverted", [False, True])
+def test_without_a_test_fold_a_training_sees_all_and_a_test_tests_all(inverted):
+    rows = table(a=(5, 0), b=(5, 0))
+    for val, chosen in ((None, 0), (3, 2)):
+        by = Folding(5, None, val, inverted)
+        parts = split(rows, by, trains=True)
+        assert (len(parts.train), len(parts.val), len(parts.test)) == (10 - chosen, chosen, 0)
+        check_split(parts, ["a", "b"], ["haptic"], by)
+        assert len(split(rows, by).test) == 10
+    where = where_is({"speed": 60}, test_fold=None)
+    assert names(split(STROKES, where, trains=True).test) == ["a0.wav", "a1.wav"]
+
+
 def test_a_sense_without_the_condition_is_divided_by_folds():
     rows = Recordings((*STROKES, *table(a=(0, 5))))
     parts = split(rows, where_is({"speed": 60}, test_fold=3, val_fold=4))

@@ -101,7 +101,9 @@ def test_a_checkpoint_is_tested_on_the_same_conditions_or_not_at_all(
     after = results(tmp_path / "same")["networks"]["haptic"]
     assert after["test_samples"] == before["test_samples"] == 9
     assert after["conditions"] == before["conditions"]
-    other = cli(*task, *given(manifest, tmp_path / "other"))
+    assert cli(*task, *given(manifest, tmp_path / "alike")).status == 0
+    assert results(tmp_path / "alike")["networks"]["haptic"]["conditions"] == before["conditions"]
+    other = cli(*task, "data.test_fold=0", *given(manifest, tmp_path / "other"))
     assert other.status == 2
     assert f"data.test_fold=0 '{FAST}' as in its training" in other.err
 

@@ -7,7 +7,9 @@ import shutil
 from pathlib import Path
 
 import pytest
+import torch
 
+import tex_lightning as tl
 from tex_lightning.evaluation.outcomes import read_outcomes, wilson_interval
 from tex_lightning.learning import train
 
@@ -49,6 +51,33 @@ def test_a_stopped_run_repeats_no_finished_fold(cli, tiny, crossvalidated, tmp_p
     assert trained == [2]
     haptic = json.loads((directory / "results.json").read_text())["networks"]["haptic"]
     assert haptic["test_samples"] == 6
+
+
+def test_after_the_folds_all_recordings_are_trained_on(
+    cli, tiny, crossvalidated, surfaces, tmp_path
+):
+    directory = shutil.copytree(crossvalidated, tmp_path / "run")
+    asked = ["task=crossval", "model=haptic", *tiny, f"hydra.run.dir={directory}", "logger=csv"]
+    folds = json.loads((directory / "results.json").read_text())["networks"]["haptic"]
+    run = cli(*asked, "crossval.only=[0,3]", "crossval.refit=true")
+    assert run.status == 0
+    assert "2 are tested, one after the other; then all are trained on" in run.err
+    results = json.loads((directory / "results.json").read_text())["networks"]["haptic"]
+    changed = {key for key in results if results[key] != folds.get(key)}
+    assert changed == {"checkpoint", "refit_seconds"}
+    card = tl.load(directory).card
+    assert len(card.trained_on["seen"]) == 30
+    told = {key: folds[key] for key in ("correct", "test_samples", "vote_accuracy", "vote_ci95")}
+    assert card.training["crossval"] == {**told, "folds": 2}
+    leak = cli("task=evaluate", f"checkpoint={directory}", *tiny[:3], "data.test_fold=3")
+    assert leak.status == 2
+    assert "has trained on 3 of the 3 test recordings" in leak.err
+    before = torch.load(results["checkpoint"], weights_only=True)["state_dict"]
+    assert cli(*asked, "crossval.only=[0,3,5]", "crossval.refit=true").status == 0
+    again = torch.load(results["checkpoint"], weights_only=True)["state_dict"]
+    assert all(torch.equal(before[key], again[key]) for key in before)
+    told = tl.load(directory).card.training["crossval"]
+    assert (told["folds"], told["test_samples"]) == (3, 9)
 
 
 def rows(directory: Path) -> list[dict[str, str]]:

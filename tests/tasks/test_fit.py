@@ -7,10 +7,14 @@ import shutil
 import signal
 from pathlib import Path
 
+import pytest
 import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
+import tex_lightning as tl
+from tex_lightning.evaluation.outcomes import optimized_value
 from tex_lightning.learning.module import SurfaceModule
+from tex_lightning.report.page import read_systems
 
 NETWORK_KEYS = {
     "fragment_accuracy", "vote_accuracy", "vote_ci95", "correct", "test_samples", "parameters",
@@ -53,6 +57,42 @@ def test_fusion_trains_three_networks_and_reports_them(fused):
         content = torch.load(path, weights_only=True)
         assert content["hyper_parameters"]["card"]["classes"] == ["alpha", "beta", "gamma"]
         assert "optimizer_states" not in content
+
+
+@pytest.mark.parametrize(
+    ("model", "count"),
+    [("experiment=few/haptic", 30), ("model=mfcc_nb", 30), ("model=fusion", 60)],
+)
+def test_without_a_test_fold_all_recordings_are_trained_on(
+    run_once, cli, tiny, surfaces, model, count
+):
+    run = run_once(model, *tiny, "data.test_fold=null")
+    results = json.loads((run / "results.json").read_text())
+    for name, network in results["networks"].items():
+        assert network["test_samples"] == 0
+        assert not {"vote_accuracy", "fragment_accuracy", "vote_ci95", "correct"} & {*network}
+        assert network["parameters"] >= 0
+        assert network["fit_seconds"] > 0
+        assert tl.load(network["checkpoint"]).card.kind == name
+    assert optimized_value(results) is None
+    card = tl.load(run).card
+    assert len(card.trained_on["seen"]) == count
+    assert card.training["val_loss"] is None
+    assert "not tested" in (run / "report.html").read_text()
+    for fold in ((), ("data.test_fold=3",)):
+        refused = cli("task=evaluate", f"checkpoint={run}", *tiny[:3], *fold)
+        assert refused.status == 2
+        assert "it was trained on all that there was" in refused.err
+
+
+def test_a_validation_fold_stays_one_where_nothing_is_tested(run_once, tiny):
+    asked = ("data.test_fold=null", "data.val_fold=1")
+    run = run_once("model=haptic", *tiny, *asked)
+    results = json.loads((run / "results.json").read_text())
+    assert math.isfinite(optimized_value(results))
+    table = read_systems([run])
+    assert table == []  # there is nothing to compare
+    assert tl.load(run).card.temperature != 1
 
 
 def test_a_finished_run_is_not_trained_again_nor_taken_by_another(cli, tiny, fused, tmp_path):

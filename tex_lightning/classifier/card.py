@@ -24,6 +24,7 @@ from tex_lightning.senses.features.spectrogram import Axes, Normalisation, Scale
 
 SUFFIX = ".ckpt"  # of checkpoints of this package
 LABEL = "unknown"
+CROSSVAL = "crossval"  # of the training, if the same settings were cross-validated
 ROUNDING = 1e-9  # of a rate times a number of recordings
 
 DECISION = ("pairs", "rule", "seed", "unknown")  # that the card keeps
@@ -47,6 +48,10 @@ RANGES: dict[str, tuple[float, float]] = {
     "decision.unknown": (0, 1),
     "calibration.temperature": (1e-6, 1e6),
     "training.fit_seconds": (0, math.inf),
+    "training.crossval.correct": (0, math.inf),
+    "training.crossval.test_samples": (1, math.inf),
+    "training.crossval.vote_accuracy": (0, 1),
+    "training.crossval.folds": (1, math.inf),
 }
 OPTIONAL = ("file_rate", "resize", "decision.unknown")
 
@@ -76,7 +81,9 @@ class Card:
         training: ``fit_seconds`` that the training took; ``val_loss``, the loss on the validation
             fold, None where nothing was validated; and by sense ``left_out``, the novelties of
             training recordings that were left out of the statistics, empty where the layers before
-            the scores were fitted to them.
+            the scores were fitted to them. Of a network of all recordings whose settings were
+            cross-validated, ``crossval`` has what that gave: ``correct``, ``test_samples``,
+            ``vote_accuracy``, ``vote_ci95`` and the number of ``folds``.
     """
 
     classes: list[str]

@@ -25,7 +25,6 @@ HAVE_CHECKPOINTS = ("evaluate", "enroll", "predict", "stream", "export")
 # Keys without which a task can do nothing.
 NEEDED = {
     "checkpoint": HAVE_CHECKPOINTS,
-    "data.test_fold": ("fit",),
     "record.out": ("record",),
     "record.label": ("record",),
     "stability.systems": ("stability",),

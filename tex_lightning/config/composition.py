@@ -124,6 +124,10 @@ class Job:
     searchpath: tuple[str, ...]
     hydra: DictConfig
 
+    def sets(self, key: str) -> bool:
+        """Return whether an override gives a dotted key a value."""
+        return any(item.lstrip("+").partition("=")[0] == key for item in self.overrides)
+
     def compose(self, overrides: Sequence[str]) -> DictConfig:
         """Compose another configuration from the same folders.
 

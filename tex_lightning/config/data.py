@@ -31,7 +31,7 @@ class Folding:
         "number of folds, at most the groups of a class; a column fold fixes them", "[2, 100000]"
     )
     test_fold: int | None = key(
-        "test fold, not used for training or choices; null tests everything"
+        "test fold, not used for training or choices; null: fit trains on all, evaluate tests all"
     )
     val_fold: int | None = key("validation fold of the training; null for none", default=None)
     inverted: bool = key("train on test_fold alone and test on all the others")
@@ -45,6 +45,11 @@ class Folding:
         default=None,
         text=True,
     )
+
+    @property
+    def withholds(self) -> bool:
+        """Whether a training leaves anything out, to be tested on."""
+        return self.test_fold is not None or self.test_where is not None
 
 
 @dataclass

@@ -84,6 +84,7 @@ class CrossvalConfig:
     """Cross-validation."""
 
     only: list[int] | None = key("folds to run, e.g. [0,3]; null runs all", default=None)
+    refit: bool = key("then train the same on all recordings, for use: checkpoint=RUN is that one")
 
 
 @dataclass

@@ -79,10 +79,10 @@ def check_conditions(recordings: Recordings, where: Mapping[str, Any]) -> None:
 
 
 def tested_part(by: Folding) -> str:
-    """Describe the tested part: some conditions, a fold, or the data."""
+    """Describe the tested part: some conditions, a fold, or all of the data."""
     if by.test_where is not None:
         return f"the part with {describe(by.test_where)}"
-    return "the data" if by.test_fold is None else f"fold {by.test_fold}"
+    return "all of the data" if by.test_fold is None else f"fold {by.test_fold}"
 
 
 def describe(where: Mapping[str, Any]) -> str:
@@ -163,25 +163,32 @@ def absent_classes(
     return [label for label in classes if not all(label in labels for labels in there)]
 
 
-def split(recordings: Recordings, by: Folding) -> Split:
+def split(recordings: Recordings, by: Folding, *, trains: bool = False) -> Split:
     """Divide by fold, or by ``test_where`` where the recordings of a sense have its conditions.
 
     Where few recordings of a class are trained on, they are the next ones after the tested fold,
     so that ten folds are ten draws of them and any two systems see the same.
+
+    Args:
+        recordings: The recordings.
+        by: The division.
+        trains: Whether something is trained: without a test fold it then leaves out nothing, while
+            a test without one tests everything.
     """
     parts: dict[str, list[Recording]] = {"train": [], "val": [], "test": []}
     for row in with_folds(recordings, by.folds):
-        parts[_part(row, by)].append(row)
+        parts[_part(row, by, trains=trains)].append(row)
     if by.per_class is not None:
         parts["train"] = next_of_each(parts["train"], by.per_class, by.test_fold or 0, by.folds)
     return Split(*(Recordings(tuple(parts[name])) for name in ("train", "val", "test")))
 
 
-def _part(row: Recording, by: Folding) -> str:
-    alone, others = ("train", "test") if by.inverted else ("test", "train")
+def _part(row: Recording, by: Folding, *, trains: bool) -> str:
+    inverted = by.inverted and by.test_fold is not None
+    alone, others = ("train", "test") if inverted else ("test", "train")
     tested = None if by.test_where is None else is_tested(row, by.test_where)
     if tested is None:  # nothing but its fold decides
-        tested = by.test_fold is None or row.fold == by.test_fold
+        tested = not trains if by.test_fold is None else row.fold == by.test_fold
     return alone if tested else "val" if row.fold == by.val_fold else others
 
 
@@ -229,7 +236,7 @@ def make_samples(part: Recordings, modalities: Sequence[str]) -> list[Sample]:
 
 
 def check_split(parts: Split, classes: list[str], modalities: Sequence[str], by: Folding) -> None:
-    """Make sure that every class can be trained and that there is something to test.
+    """Make sure that every class can be trained and that there is what should be tested.
 
     Raises:
         UserError: Naming the classes and the modality that are missing.
@@ -241,7 +248,7 @@ def check_split(parts: Split, classes: list[str], modalities: Sequence[str], by:
                 f"There are no {plural(modality)} to train on for {listed(absent)}; add "
                 "recordings, test less, leave the class out, or choose a model without them."
             )
-    if not make_samples(parts.test, modalities):
+    if by.withholds and not make_samples(parts.test, modalities):
         tested = tested_part(by)
         raise UserError(
             f"{tested[:1].upper()}{tested[1:]} holds nothing to test on that has "

@@ -52,6 +52,8 @@ def with_defaults(task: str, data: DataConfig, model: ModelConfig, job: Job) -> 
     Raises:
         UserError: If the data set cannot be read.
     """
+    if task == "fit" and data.test_fold is None:
+        job = _without_validation(data, job)
     reads_data = task in (*TRAINING, "frontier")
     for name in model.senses if reads_data else ():
         sense = model.sense(name)
@@ -68,6 +70,13 @@ def with_defaults(task: str, data: DataConfig, model: ModelConfig, job: Job) -> 
     if reads_data:
         job = replace(job, overrides=(*job.overrides, *_level_overrides(data, model)))
     return _with_pretrained(task, data, model, job)
+
+
+def _without_validation(data: DataConfig, job: Job) -> Job:
+    """Train on everything where nothing is tested, unless a validation fold is asked for."""
+    if data.val_fold is None or job.sets("data.val_fold") or not job.sets("data.test_fold"):
+        return job
+    return replace(job, overrides=(*job.overrides, "data.val_fold=null"))
 
 
 def _with_real_folds(data: DataConfig, model: ModelConfig, job: Job) -> Job:

@@ -124,6 +124,8 @@ def log_test(
 ) -> None:
     """Add the metrics of the test, what it has shown, and the hyper-parameters that led to it.
 
+    Of a network that was trained on everything, and not tested, only its training is known.
+
     Args:
         loggers: Loggers of the network.
         name: Name of the network: its sense, or ``fusion``.
@@ -133,17 +135,17 @@ def log_test(
         trial: Settings by which TensorBoard compares this training with others; None of a fold,
             which is a part of one, and of an evaluation, which trains nothing.
     """
-    low, high = result["vote_ci95"]
-    metrics = {
-        "test/fragment_accuracy": result["fragment_accuracy"],
-        "test/vote_accuracy": result["vote_accuracy"],
-        "test/vote_ci95_low": low,
-        "test/vote_ci95_high": high,
-        "test/samples": result["test_samples"],
-        "test/latency_ms": result["latency_ms"]["median"],
-        "test/fit_seconds": result["fit_seconds"],
-        **{f"test/{key}": value for key, value in result["calibration"].items()},
-    }
+    metrics = {"test/fit_seconds": result["fit_seconds"], "test/samples": result["test_samples"]}
+    if result["test_samples"]:
+        low, high = result["vote_ci95"]
+        metrics |= {
+            "test/fragment_accuracy": result["fragment_accuracy"],
+            "test/vote_accuracy": result["vote_accuracy"],
+            "test/vote_ci95_low": low,
+            "test/vote_ci95_high": high,
+            "test/latency_ms": result["latency_ms"]["median"],
+            **{f"test/{key}": value for key, value in result["calibration"].items()},
+        }
     if trial is not None:
         metrics |= _compared(result)
     for logger in loggers:
@@ -174,10 +176,10 @@ def _compared(result: Mapping[str, Any]) -> dict[str, float]:
     These are what a search minimises, where there is a validation fold, and the accuracy of the
     test with its interval.
     """
-    low, high = result["vote_ci95"]
+    low, high = result.get("vote_ci95") or (None, None)  # of what was not tested
     columns = {
         "1 objective, val_loss": result.get("val_loss"),
-        "2 test accuracy": result["vote_accuracy"],
+        "2 test accuracy": result.get("vote_accuracy"),
         "3 its 95 % interval from": low,
         "4 its 95 % interval to": high,
     }

@@ -226,7 +226,8 @@ def _complete(
     for part in classifier.trained_modules():
         part.to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]  # no stub
     training = {"fit_seconds": seconds, "val_loss": loss, "left_out": left_out}
-    classifier.card = replace(classifier.card, training=training)
+    known = classifier.card.training  # before: of a cross-validation
+    classifier.card = replace(classifier.card, training={**known, **training})
     complete_card(classifier, parts, store, config.engine)
     module.hparams["card"] = classifier.cpu().card.to_dict()
 

@@ -55,9 +55,23 @@ class Table(NamedTuple):
 
 
 def facts(results: Mapping[str, Any]) -> dict[str, dict[str, str]]:
-    """Return the facts that tables and the page show, by name of the network."""
+    """Return the facts that tables and the page show, by name of the network.
+
+    One that was trained on all recordings, and not tested, has those of its training.
+    """
     networks: Mapping[str, Network] = results.get("networks", {})
-    return {
+    untested = {
+        name: {
+            "accuracy": "not tested",
+            **_crossvalidated(network.get("crossval")),
+            "fit s": f"{network['fit_seconds']:.1f}",
+            "parameters": f"{network['parameters']:,}",
+            "MMAC/sample": _millions(network["macs_per_sample"]),
+        }
+        for name, network in networks.items()
+        if network.get("test_samples") == 0 and "parameters" in network
+    }
+    return untested or {
         name: {
             "accuracy": f"{network['vote_accuracy']:.1%}",
             "correct": f"{network['correct']}/{network['test_samples']}",
@@ -78,6 +92,14 @@ def facts(results: Mapping[str, Any]) -> dict[str, dict[str, str]]:
 def counted(entry: Mapping[str, Any]) -> str:
     """Return the accuracy of an entry and its counts."""
     return f"{entry['vote_accuracy']:.1%} ({entry['correct']}/{entry['test_samples']})"
+
+
+def _crossvalidated(told: Mapping[str, Any] | None) -> dict[str, str]:
+    """Return what a cross-validation of the same settings gave, if there was one."""
+    if not told:
+        return {}
+    low, high = told["vote_ci95"]
+    return {"cross-validated": f"{counted(told)}, {low:.1%} to {high:.1%}"}
 
 
 def _rejections(network: Network) -> dict[str, str]:

@@ -27,7 +27,7 @@ from tex_lightning.data.store import Store, Unusable, cache_root, list_files
 from tex_lightning.errors import UserError, listed
 from tex_lightning.evaluation.conditions import Bins, condition_bins
 from tex_lightning.senses.base import Sense
-from tex_lightning.studies.leaks import refuse_leak
+from tex_lightning.studies.leaks import as_trained, is_own, refuse_leak
 from tex_lightning.text import printable_lines
 from tex_lightning_runtime.columns import Reading
 
@@ -106,7 +106,7 @@ class Dataset:
         """
         absent: dict[str, list[str]] = {}
         for by in divisions:
-            parts = split(self.recordings, by)
+            parts = split(self.recordings, by, trains=True)
             validation = f"fold {by.val_fold}, which chooses epoch and temperature,"
             for part, name in ((parts.test, tested_part(by)), (parts.val, validation)):
                 lacks = absent_classes(part, self.classes, tuple(self.store.decoders))
@@ -122,7 +122,7 @@ class Dataset:
 
     def parts(self, by: Folding) -> Split:
         """Return training, validation and test recordings, checked."""
-        parts = split(self.recordings, by)
+        parts = split(self.recordings, by, trains=True)
         check_split(parts, self.classes, tuple(self.store.decoders), by)
         return parts
 
@@ -152,22 +152,33 @@ def open_dataset(data: DataConfig, senses: Sequence[Sense]) -> Dataset:
     return replace(dataset, condition_bins=condition_bins(needed))
 
 
-def open_test_data(data: DataConfig, classifier: SurfaceClassifier, who: str) -> Dataset:
-    """Read what a checkpoint is tested on: the test fold, decoded as the checkpoint says.
+def open_test_data(
+    data: DataConfig, classifier: SurfaceClassifier, who: str, *, choose: bool = False
+) -> tuple[Dataset, DataConfig]:
+    """Read what a checkpoint is tested on, decoded as the checkpoint says.
 
     Only ``data.file_rate`` belongs to the files themselves and counts if it is given.
 
     Args:
-        data: Where recordings come from, and which fold.
+        data: Where recordings come from, and what of them is tested.
         classifier: Tested classifier.
         who: Name of the classifier in messages.
+        choose: Whether nobody has said which fold is tested: of the data that it was trained on
+            that which its training left out, of all others everything.
+
+    Returns:
+        The test recordings, and the division that they are the test part of.
 
     Raises:
         UserError: If classes are unknown to the checkpoint, it was trained on these recordings, or
             they cannot be used.
     """
     card = classifier.card
-    table = read_recordings(data, card.modalities)
+    own = as_trained(data, card) if choose else data
+    given = replace(own, test_where=data.test_where)  # other data may lack the training's
+    table = read_recordings(given, card.modalities, least=1)
+    if choose and is_own(table, own, card):
+        data = given if data.test_where else own
     rows, held = hold_out(table, data.hold_out)
     if unknown := [label for label in rows.classes if label not in card.classes]:
         raise UserError(
@@ -190,7 +201,7 @@ def open_test_data(data: DataConfig, classifier: SurfaceClassifier, who: str) ->
             "data.test_fold or data.test_where, or data.test_fold=null for everything."
         )
     used = table.without(row for row in table if row.modality not in card.modalities)
-    return replace(dataset, condition_bins=condition_bins(used))
+    return replace(dataset, condition_bins=condition_bins(used)), data
 
 
 def open_store(data: DataConfig, classifier: SurfaceClassifier) -> Store:
@@ -263,9 +274,15 @@ def show_opening(
 def _folds(divisions: Sequence[Folding]) -> str:
     """Say how recordings are divided for one training, or for several in turn."""
     by, count = divisions[0], divisions[0].folds
-    if len(divisions) > 1:
-        return f"{count}, of which {len(divisions)} are tested, one after the other"
-    if by.inverted:
+    tests = [division for division in divisions if division.withholds]
+    if not tests:
+        but = "" if by.val_fold is None else f" but fold {by.val_fold}, which chooses the epoch"
+        return f"{count}; all are trained on{but}, and nothing is tested"
+    if len(tests) < len(divisions):
+        return f"{_folds(tests)}; then all are trained on"
+    if len(tests) > 1:
+        return f"{count}, of which {len(tests)} are tested, one after the other"
+    if by.inverted and by.test_fold is not None:
         return f"{count}, of which fold {by.test_fold} is trained on and the others are tested"
     chosen = "" if by.val_fold is None else f", and fold {by.val_fold} chooses the epoch"
     return f"{count}, of which {tested_part(by)} is tested{chosen}"

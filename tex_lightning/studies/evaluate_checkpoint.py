@@ -6,6 +6,7 @@ from statistics import fmean
 from types import MappingProxyType
 from typing import Any
 
+from tex_lightning.classifier.card import CROSSVAL
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.core.devices import computing_device
@@ -52,6 +53,29 @@ def results_frame(
     }
 
 
+def describe_network(
+    classifier: SurfaceClassifier, checkpoint: Path, sample: Sample, store: Store
+) -> dict[str, Any]:
+    """Return what an entry of ``results.json`` has beside the test.
+
+    Args:
+        classifier: The network, on its device.
+        checkpoint: File of the checkpoint.
+        sample: Any sample, whose arithmetic is counted.
+        store: Its recordings.
+    """
+    training, recordings = classifier.card.training, load_sample(sample, store)
+    return {
+        "parameters": classifier.count_parameters(),
+        # None for a baseline whose arithmetic is outside PyTorch and not counted
+        "macs_per_sample": count_macs(lambda: classifier.logits(**recordings)) or None,
+        "fit_seconds": training.get("fit_seconds", 0.0),
+        "val_loss": training.get("val_loss"),
+        "checkpoint": str(checkpoint.resolve()),
+        **({CROSSVAL: training[CROSSVAL]} if training.get(CROSSVAL) else {}),
+    }
+
+
 def report_network(
     classifier: SurfaceClassifier,
     checkpoint: Path,
@@ -83,16 +107,10 @@ def report_network(
     fold = None if config.data.test_where else config.data.test_fold
     outcomes = run_test(decider, samples, store, fold)
     write_outcomes(outcomes, directory / "predictions" / f"{kind}.csv")
-    recordings = load_sample(samples[0], store)
     entry = {
         **pooled_metrics(outcomes),
         **by_condition(samples, outcomes, bins),
-        "parameters": classifier.count_parameters(),
-        # None for a baseline whose arithmetic is outside PyTorch and not counted
-        "macs_per_sample": count_macs(lambda: classifier.logits(**recordings)) or None,
-        "fit_seconds": classifier.card.training.get("fit_seconds", 0.0),
-        "val_loss": classifier.card.training.get("val_loss"),
-        "checkpoint": str(checkpoint.resolve()),
+        **describe_network(classifier, checkpoint, samples[0], store),
         **report_unknown(decider, unknown, store, directory, outcomes, fold),
     }
     return entry, outcomes

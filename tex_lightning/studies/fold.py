@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ import torch
 from lightning.pytorch.loggers import Logger
 
 from tex_lightning.baselines.classifier import BaselineClassifier, Loaded, as_part, load_classifier
-from tex_lightning.classifier.card import LABEL, Card, configured_card
+from tex_lightning.classifier.card import CROSSVAL, LABEL, Card, configured_card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, DataConfig, Folding, plain_values
 from tex_lightning.config.model import FUSION
@@ -35,9 +36,11 @@ from tex_lightning.learning.loggers import log_test, open_loggers
 from tex_lightning.learning.start import starting_classifier
 from tex_lightning.learning.train import checkpoint_of, shared_folder, train_network
 from tex_lightning.learning.trial import try_baseline, try_custom_parts, try_training
+from tex_lightning.report.board import Piece
 from tex_lightning.report.embeddings import projector_pieces
 from tex_lightning.studies.dataset import Dataset, open_dataset, show_opening
 from tex_lightning.studies.evaluate_checkpoint import (
+    describe_network,
     draw_figures,
     report_network,
     results_frame,
@@ -88,7 +91,8 @@ def fit_baseline(
         scores = [classifier.logits(**load_sample(sample, store)) for sample in validation]
     card = calibrated_card(classifier.card, validation, lambda: scores)
     loss = sample_loss(card, validation, scores) if validation else None
-    classifier.card = replace(card, training={"fit_seconds": seconds, "val_loss": loss})
+    training = {**card.training, "fit_seconds": seconds, "val_loss": loss}
+    classifier.card = replace(card, training=training)
     classifier.save(final)
     return classifier
 
@@ -176,6 +180,7 @@ def fit_fold(
     draw: bool = False,
     test_parts: bool = True,
     networks_in: Path | None = None,
+    crossvalidated: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
 ) -> dict[str, Any]:
     """Train and test all networks that the model consists of on one fold.
 
@@ -186,6 +191,7 @@ def fit_fold(
         draw: Whether figures are drawn; of several folds they are drawn of all together.
         test_parts: Whether the networks that a FusionNet consists of are tested, too.
         networks_in: Folder in which systems of a family find networks that they have in common.
+        crossvalidated: By network what a cross-validation of the same gave, for its card.
 
     Returns:
         By network its entry of ``results.json``.
@@ -202,6 +208,8 @@ def fit_fold(
         card = whole_card if whole else whole_card.of([name])
         starts = {sense: unimodal[sense] for sense in model.senses if whole and sense in unimodal}
         card = complete_recipe(config, card, parts, store, starts)
+        if name in crossvalidated:
+            card = replace(card, training={CROSSVAL: dict(crossvalidated[name])})
         loggers = open_loggers(config.logger, directory, name)
         inputs = config, card, parts, store, directory, starts, loggers
         if card.baseline:
@@ -217,7 +225,7 @@ def fit_fold(
         networks[name] = {"fit_seconds": classifier.card.training.get("fit_seconds")}
         if is_rank_zero() and (whole or test_parts):  # it alone tests and writes
             networks[name] = _test_network(
-                config, dataset, parts.test, directory, classifier, loggers, networks, draw=draw
+                config, dataset, parts, directory, classifier, loggers, networks, draw=draw
             )
     return networks
 
@@ -283,7 +291,7 @@ def complete_recipe(
 def _test_network(
     config: Config,
     dataset: Dataset,
-    test: Recordings,
+    parts: Split,
     directory: Path,
     classifier: SurfaceClassifier,
     loggers: Sequence[Logger],
@@ -291,25 +299,39 @@ def _test_network(
     *,
     draw: bool,
 ) -> dict[str, Any]:
-    """Test a trained network; return its entry of ``results.json``."""
+    """Test a trained network, if there is a test part; return its entry of ``results.json``."""
     store = dataset.store
     classifier.to(pick_device(config.trainer.accelerator))
     kind, modalities = classifier.card.kind, classifier.card.modalities
-    samples = make_samples(test, modalities)
-    unknown = make_samples(split(dataset.unknown, config.data).test, modalities)
+    samples = make_samples(parts.test, modalities)
+    unknown = make_samples(split(dataset.unknown, config.data, trains=True).test, modalities)
     checkpoint = checkpoint_of(directory, kind)
-    result, outcomes = report_network(
-        classifier, checkpoint, samples, store, directory, config, unknown, dataset.condition_bins
-    )
-    if draw:
-        draw_figures(outcomes, dataset.classes, kind, directory)
-        before = {name: entry for name, entry in networks.items() if name != kind}
+    points: Iterable[Piece] = ()
+    if samples:
+        result, outcomes = report_network(
+            classifier, checkpoint, samples, store, directory, config, unknown,
+            dataset.condition_bins,
+        )  # fmt: skip
         points = projector_pieces(classifier, samples, outcomes, store)
+        if draw:
+            draw_figures(outcomes, dataset.classes, kind, directory)
+    else:
+        sample = make_samples(parts.train, modalities)[0]
+        result = {"test_samples": 0, **describe_network(classifier, checkpoint, sample, store)}
+    if draw:
+        before = {name: entry for name, entry in networks.items() if name != kind}
         log_network(
             config, dataset, directory, loggers, {**before, kind: result}, [config.data], points
         )
     else:
         log_test(loggers, kind, plain_values(config), result)
+    if not samples:
+        log.info(
+            "%s: trained on all %d recordings in %.1f s.",
+            classifier.card.title[0].upper() + classifier.card.title[1:],
+            len(parts.train), result["fit_seconds"],
+        )  # fmt: skip
+        return result
     tested = tested_part(config.data)
     log.info(
         "%s, %s: %d of %d samples correct, trained in %.1f s.",

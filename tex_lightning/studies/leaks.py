@@ -4,12 +4,13 @@ import hashlib
 import json
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from tex_lightning.classifier.card import Card
 from tex_lightning.config import DataConfig, Folding
-from tex_lightning.data.folds import Split, as_override
+from tex_lightning.data.folds import Split, as_override, split
 from tex_lightning.data.recordings import (
     Part,
     Recording,
@@ -23,7 +24,7 @@ from tex_lightning.data.traces import axis_files
 from tex_lightning.errors import UserError
 
 FOLD_KEYS = ("folds", "test_fold", "inverted", "val_fold")
-WHERE = "test_where"
+WHERE, PER_CLASS = "test_where", "per_class"
 ENDS_BYTES, ENDS_DIGITS = 65_536, 16
 
 
@@ -39,6 +40,7 @@ def trained_on(
         begun: Cards of the networks that it starts from; it has seen what they have.
         source: Where its trunk starts; None is at random, or as in ``begun``.
     """
+    inverted = data.inverted and data.test_fold is not None
     used = (row for part in (parts.train, parts.val) for row in part)
     seen = digests(row for row in used if row.modality in card.modalities)
     earlier = {digest for start in begun for digest in start.trained_on.get("seen", ())}
@@ -48,8 +50,9 @@ def trained_on(
     return {
         "folds": data.folds,
         "test_fold": data.test_fold,
-        **({"inverted": True, "val_fold": data.val_fold} if data.inverted else {}),
+        **({"inverted": True, "val_fold": data.val_fold} if inverted else {}),
         **({WHERE: data.test_where} if data.test_where else {}),
+        **({PER_CLASS: data.per_class} if data.per_class else {}),
         "seen": [*seen, *sorted(earlier.difference(seen))],
         **({"trunks": trunks} if trunks else {}),
     }
@@ -91,23 +94,63 @@ def refuse_leak(test: Recordings, card: Card, who: str, data: Folding) -> None:
     Raises:
         UserError: Naming one such file and the fold that the checkpoint was tested on.
     """
+    known = seen_of(test, card)
+    if not known:
+        return
+    leak = (
+        f"{who} has trained on {len(known)} of the {len(test)} test recordings, "
+        f"{known[0].path.name} among them, so testing here would flatter it; "
+    )
+    if trained_on_all(card):
+        raise UserError(
+            f"{leak}it was trained on all that there was: test it on recordings in a folder of "
+            "their own. What to expect of it a cross-validation says."
+        )
+    theirs = {key: card.trained_on[key] for key in FOLD_KEYS if key in card.trained_on}
+    same = [f"data.{key}={json.dumps(value)}" for key, value in theirs.items()]
+    if (where := card.trained_on.get(WHERE)) or data.test_where:
+        same.append(as_override(where))
+    raise UserError(f"{leak}set {' '.join(same)} as in its training, or train anew.")
+
+
+def seen_of(rows: Iterable[Recording], card: Card) -> list[Recording]:
+    """Return the recordings that weights were trained, or chosen, on."""
     seen: dict[str, list[Part | None]] = defaultdict(list)
-    for entry in card.trained_on["seen"]:
+    for entry in card.trained_on.get("seen", ()):
         digest, _, part = entry.partition("#")
         seen[digest].append(read_part(part) if part else None)
     kinds = {fingerprint, *(_ends for digest in seen if len(digest) == ENDS_DIGITS)}
-    known = [
+    return [
         row
-        for row in test
+        for row in rows
         if any(overlap(row.part, part) for kind in kinds for part in seen.get(kind(row.path), ()))
     ]
-    if known:
-        theirs = {key: card.trained_on[key] for key in FOLD_KEYS if key in card.trained_on}
-        same = [f"data.{key}={json.dumps(value)}" for key, value in theirs.items()]
-        if (where := card.trained_on.get(WHERE)) or data.test_where:
-            same.append(as_override(where))
-        raise UserError(
-            f"{who} has trained on {len(known)} of the {len(test)} test recordings, "
-            f"{known[0].path.name} among them, so testing here would flatter it; set "
-            f"{' '.join(same)} as in its training, or train anew."
-        )
+
+
+def trained_on_all(card: Card) -> bool:
+    """Return whether nothing was left out of a training, to be tested on."""
+    told = card.trained_on
+    return bool(told) and told.get("test_fold") is None and not told.get(WHERE)
+
+
+def as_trained(data: DataConfig, card: Card) -> DataConfig:
+    """Return where recordings come from, divided as in the training of a checkpoint."""
+    keys = (*FOLD_KEYS, WHERE, PER_CLASS)
+    told = {key: card.trained_on[key] for key in keys if key in card.trained_on}
+    reader = data.reader
+    if "folds" in told and "folds" in reader:  # of a published data set, which has its own
+        reader = {**reader, "folds": told["folds"]}
+    return replace(data, **{"inverted": False, **told, "reader": reader})
+
+
+def is_own(rows: Recordings, division: Folding, card: Card) -> bool:
+    """Return whether a data set is the one of a training: most of what it would see was seen.
+
+    Args:
+        rows: The data set.
+        division: As the training divided its own (:func:`as_trained`).
+        card: Card of the checkpoint.
+    """
+    parts = split(rows, division, trains=True)
+    used = [row for row in (*parts.train, *parts.val) if row.modality in card.modalities]
+    return 2 * len(seen_of(used, card)) > len(used)

@@ -37,9 +37,9 @@ def log_network(
     *_, name = networks
     model, values = config.model, plain_values(config)
     pieces: list[Piece] = []
-    if shows(loggers):
+    if showing := shows(loggers):
         pieces += [*figure_pieces(directory, name), *further]
-    if pieces and (not trains or name == model.kind):
+    if showing and (not trains or name == model.kind):
         results = {"classes": dataset.classes, "networks": networks}
         facts = data_facts(config.data, dataset, trains)
         pieces += text_pieces(directory, results, facts)

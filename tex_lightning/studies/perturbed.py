@@ -284,7 +284,7 @@ def _load(config: Config, path: Path, fold: int | None, datasets: Datasets) -> S
     """Return one checkpoint and its test samples, whose recordings join those decoded alike."""
     loaded = load_classifier(path)
     data = config.data if fold is None else config.on_fold(fold).data
-    dataset = open_test_data(data, loaded, f"Checkpoint {path}")
+    dataset, _ = open_test_data(data, loaded, f"Checkpoint {path}")
     if not datasets:  # the first one's data are shown
         show_opening(data, dataset, ", ".join(config.stability.systems or []))
     samples = make_samples(dataset.recordings, loaded.card.modalities)

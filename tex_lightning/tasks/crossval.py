@@ -1,12 +1,19 @@
 """Test every fold once with networks trained on all the others, and pool the counts.
 
 A fold that is finished is never repeated: the same command with the same ``hydra.run.dir`` goes on
-where the last one stopped, in the middle of a fold if need be.
+where the last one stopped, in the middle of a fold if need be. With ``crossval.refit`` the same is
+trained on all recordings then: that network is the one to use, and its card has the figures of the
+folds.
 """
 
+import time
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.classifier.card import CROSSVAL
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.progress import track
@@ -15,25 +22,30 @@ from tex_lightning.evaluation.conditions import pool_conditions
 from tex_lightning.evaluation.novelty import pool_unknown
 from tex_lightning.evaluation.outcomes import read_outcomes, write_outcomes, write_results
 from tex_lightning.learning.loggers import open_loggers
+from tex_lightning.learning.train import checkpoint_of
 from tex_lightning.report.table import print_results
 from tex_lightning.studies.dataset import Dataset
 from tex_lightning.studies.evaluate_checkpoint import draw_figures, pooled_metrics
 from tex_lightning.studies.fold import (
     chosen_folds,
     finished_fold,
+    fit_fold,
     open_announced,
     run_fold,
     training_results,
 )
 from tex_lightning.studies.logged import log_network
 
+COUNTED = ("correct", "test_samples", "vote_accuracy", "vote_ci95")
 KEPT = ("fragment_accuracy", "vote_accuracy", "test_samples", "fit_seconds", "checkpoint")
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
     """Run all folds, or those in ``crossval.only``; write ``results.json`` and return it."""
+    refits = config.crossval.refit
     chosen = chosen_folds(config.data.folds, config.crossval.only)
-    divisions = [config.on_fold(fold).data for fold in chosen]
+    whole = replace(config, data=replace(config.data, test_fold=None))
+    divisions = [config.on_fold(fold).data for fold in chosen] + [whole.data] * refits
     dataset = open_announced(config, job.directory, divisions)
     for division in divisions:  # before time is spent on the first
         dataset.parts(division)
@@ -41,18 +53,49 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     for fold in track(chosen, "fold"):
         home = job.directory / "folds" / str(fold)
         folds[home] = finished_fold(home) or run_fold(config.on_fold(fold), dataset, home)
+    pooled: dict[str, Any] = {}
+    for name in next(iter(folds.values()))["networks"] if is_rank_zero() else ():
+        pooled[name] = _pool(config, dataset, job.directory, folds, name)
+    begin = time.perf_counter()
+    refitted = _refit(whole, dataset, job.directory, pooled) if refits else {}
+    spent = time.perf_counter() - begin
     if not is_rank_zero():
         return {}
     networks: dict[str, Any] = {}
-    for name in next(iter(folds.values()))["networks"]:
-        networks[name] = _pool(config, dataset, job.directory, folds, name)
+    for name, entry in pooled.items():
+        networks[name] = {**entry, **refitted.get(name, {})}
         loggers = open_loggers(config.logger, job.directory, name)
         log_network(config, dataset, job.directory, loggers, networks, divisions)
-    seconds = sum(results["wall_seconds"] for results in folds.values())
+    seconds = spent + sum(results["wall_seconds"] for results in folds.values())
     results = training_results(config, dataset, networks, seconds)
     write_results(job.directory / "results.json", results)
     print_results(results, job.directory)
     return results
+
+
+def _refit(
+    config: Config, dataset: Dataset, directory: Path, pooled: Mapping[str, Mapping[str, Any]]
+) -> dict[str, dict[str, Any]]:
+    """Train the networks on all recordings, and keep on their cards what the folds have given.
+
+    Returns:
+        By network what changes in its entry: the checkpoint, and the time of this training.
+    """
+    known = {
+        name: {**{key: entry[key] for key in COUNTED}, "folds": len(entry["folds"])}
+        for name, entry in pooled.items()
+    }
+    networks = fit_fold(config, dataset, directory, crossvalidated=known)
+    for name, entry in networks.items() if is_rank_zero() else ():
+        if entry[CROSSVAL] != known[name]:  # more folds were tested since it was trained
+            classifier = load_classifier(path := checkpoint_of(directory, name))
+            training = {**classifier.card.training, CROSSVAL: known[name]}
+            classifier.card = replace(classifier.card, training=training)
+            classifier.save(path)
+    return {
+        name: {"checkpoint": entry.get("checkpoint"), "refit_seconds": entry["fit_seconds"]}
+        for name, entry in networks.items()
+    }
 
 
 def _pool(

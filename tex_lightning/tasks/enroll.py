@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.classifier.card import CROSSVAL
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, DataConfig
 from tex_lightning.config.composition import Job
@@ -78,8 +79,7 @@ def open_new_classes(data: DataConfig, classifier: SurfaceClassifier) -> Dataset
         raise UserError(
             f"The checkpoint already has {listed(table.classes)}; give recordings of a new class."
         )
-    by = replace(data, test_fold=data.folds) if data.test_fold is None else data  # which none has
-    rows = split(table.in_classes(names), by).train
+    rows = split(table.in_classes(names), data, trains=True).train
     needed = rows.without(row for row in rows if row.modality not in card.modalities)
     opened = Dataset.decode(needed, Recordings(()), open_store(data, classifier), names)
     dataset = opened.usable(classifier.senses.values(), skip_bad=data.skip_bad)
@@ -117,7 +117,9 @@ def enroll(classifier: SurfaceClassifier, dataset: Dataset) -> SurfaceClassifier
     extended = add_classes(classifier.cpu(), dataset.classes, features)
     ranges = {name: training_ranges(rows.of(name), store) for name in card.input_ranges}
     seen = card.trained_on.get("seen", [])
-    training = {**card.training, "val_loss": None, "left_out": {}}  # of the old classes
+    old = ("val_loss", "left_out", CROSSVAL)  # what holds of the old classes alone
+    training = {key: value for key, value in card.training.items() if key not in old}
+    training |= {"val_loss": None, "left_out": {}}
     extended.card = replace(
         extended.card,
         training=training,

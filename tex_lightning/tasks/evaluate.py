@@ -1,6 +1,7 @@
 """Test a checkpoint on a fold of any data set, or on the whole of it."""
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.devices import pick_device
-from tex_lightning.data.folds import make_samples
+from tex_lightning.data.folds import make_samples, tested_part
 from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.inference.prediction import check_unknown
 from tex_lightning.learning.loggers import open_loggers
@@ -35,8 +36,12 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     classifier.to(pick_device(config.trainer.accelerator))
     card = classifier.card
     check_unknown(card.deciding(config.decision), bool(classifier.statistics))
-    dataset = open_test_data(config.data, classifier, "The checkpoint")
-    show_opening(config.data, dataset, str(config.checkpoint))
+    choose = config.data.test_fold is None and not job.sets("data.test_fold")
+    dataset, data = open_test_data(config.data, classifier, "The checkpoint", choose=choose)
+    config = replace(config, data=data)
+    known = "which its training left out" if data.withholds else "which its training has not seen"
+    part = f"{tested_part(data)}, {known if choose else 'as asked for'}"
+    show_opening(data, dataset, f"{part}, by {config.checkpoint}")
     store, samples = dataset.store, make_samples(dataset.recordings, card.modalities)
     unknown = make_samples(dataset.unknown, card.modalities)
     network, outcomes = report_network(
