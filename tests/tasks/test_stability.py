@@ -38,7 +38,7 @@ def lines(tested) -> list[dict[str, str]]:
 
 
 def test_the_table_has_every_trial_with_its_interval(lines):
-    assert list(lines[0]) == COLUMNS.split()
+    assert list(lines[0]) == [*COLUMNS.split(), "lost", "gained"]
     systems = {line["system"] for line in lines}
     assert systems == {"fusion", "visual", "haptic (1)", "haptic (2)", "haptic (3)"}
     for name in ONLY:
@@ -65,8 +65,34 @@ def test_results_and_figures_are_there(tested, lines):
         if line["system"] == "fusion" and line["severity"] != "0"
     ]
     assert results["systems"]["fusion"]["mean_error"] == pytest.approx(np.mean(errors))
-    for name in ("curves_haptic", "curves_image"):
-        assert (tested / "figures" / f"{name}.png").stat().st_size > 5000
+    assert (tested / "figures" / "stability.png").stat().st_size > 5000
+
+
+def test_what_fails_first_is_in_results_and_page_with_readable_names(tested, lines):
+    results = json.loads((tested / "results.json").read_text())
+    pairs = {(line["system"], line["perturbation"]) for line in lines}
+    assert {(each["system"], each["perturbation"]) for each in results["failures"]} == pairs
+    for each in results["failures"]:
+        clean, *rows = [
+            line
+            for line in lines
+            if (line["system"], line["perturbation"]) == (each["system"], each["perturbation"])
+        ]
+        shares = [float(row["vote_accuracy"]) for row in rows]
+        broken = [n for n, x in enumerate(shares, 1) if x < float(clean["vote_accuracy"]) / 2]
+        found = each["broken_from"] and each["broken_from"]["severity"]
+        assert found == (broken[0] if broken else None)
+        for row, share in zip(rows, shares, strict=True):
+            change = (float(clean["vote_accuracy"]) - share) * int(row["test_samples"])
+            assert int(row["lost"]) - int(row["gained"]) == pytest.approx(change)
+    page = (tested / "report.html").read_text()
+    assert "What fails first" in page
+    assert page.count("<td>stroke velocity</td>") == 0
+    assert page.count("<td>shorter_trace</td>") == sum(
+        line["perturbation"] == "shorter_trace" for line in lines
+    )  # the whole of stability.csv
+    for label in ("FusionNet-FC2", "VisualNet", "checkpoints/haptic.ckpt)"):
+        assert f"{label}</td>" in page
 
 
 def test_mistakes_end_in_one_sentence(cli, surfaces, fused, crossvalidated, tmp_path):

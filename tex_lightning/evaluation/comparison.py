@@ -21,9 +21,12 @@ def mcnemar(one: Sequence[bool], other: Sequence[bool]) -> tuple[int, int, float
     """
     first = sum(ours and not theirs for ours, theirs in zip(one, other, strict=True))
     second = sum(theirs and not ours for ours, theirs in zip(one, other, strict=True))
-    if first + second == 0:
-        return 0, 0, 1.0
-    return first, second, float(binomtest(first, first + second).pvalue)
+    return first, second, exact_p(first, second)
+
+
+def exact_p(first: int, second: int) -> float:
+    """Return the two-sided p-value of the exact McNemar test from the counts that differ."""
+    return float(binomtest(first, first + second).pvalue) if first + second else 1.0
 
 
 ROUNDING = 1e-9  # a single vote of difference is one standard error exactly, but for rounding

@@ -4,6 +4,7 @@ Tables that compare systems are made of the run folders of their tests.
 """
 
 import base64
+import struct
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,6 +32,7 @@ from tex_lightning.text import render
 
 PAPER_DATA = ("tum", "kylberg", "kth_tips2b")
 DATA_TABLES = PAPER_DATA[1:]  # the paper has a table for each of them
+BROAD = 800  # pixels; a figure of more has a row of the page for itself
 MAX_SETTINGS = 4  # that a label shows
 
 
@@ -196,7 +198,7 @@ def _against(best: System, system: System) -> str:
 
 
 TEMPLATES = Path(__file__).parent
-FILES = ("frontier.csv", "sweep.csv")
+FILES = ("frontier.csv", "stability.csv", "sweep.csv")
 NOTES = """\
 Accuracy is that of whole samples, fragments that of single positions. Intervals are Wilson's. p is
 the exact McNemar test of the row against the best one on the same samples; in brackets are the
@@ -225,9 +227,10 @@ def write_report(directory: Path, runs: Sequence[Path] | None = None) -> None:
         "tiny": TINY if tiny else "",
         "overrides": run_overrides(directory),
         "notes": NOTES if systems else "",
-        "tables": comparison_tables(systems) if compares else _by_condition(results),
+        "tables": comparison_tables(systems) if compares else _own_tables(results),
         "figures": sorted([*directory.glob("*.png"), *directory.glob("figures/*.png")]),
         "embedded": embedded,
+        "is_broad": is_broad,
         "directory": directory,
     }
     if systems:
@@ -243,8 +246,12 @@ def write_report(directory: Path, runs: Sequence[Path] | None = None) -> None:
     write_text(directory / "report.html", page)
 
 
-def _by_condition(results: Mapping[str, Any]) -> list[Table]:
-    """Return the table of accuracy by condition, if there are conditions."""
+def _own_tables(results: Mapping[str, Any]) -> list[Table]:
+    """Return the table of what fails first, or that of accuracy by condition, if there is one."""
+    if "failures" in results:
+        from tex_lightning.report.stability_charts import failure_table  # Matplotlib is slow
+
+        return [failure_table(results)]
     rows = condition_rows(results.get("networks", {}))
     return [Table("By condition", rows)] if rows else []
 
@@ -252,6 +259,12 @@ def _by_condition(results: Mapping[str, Any]) -> list[Table]:
 def embedded(path: Path) -> str:
     """Return a PNG as a data URI."""
     return f"data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}"
+
+
+def is_broad(path: Path) -> bool:
+    """Return whether a PNG is too wide for two in a row."""
+    (width,) = struct.unpack(">I", path.read_bytes()[16:20])  # of its header
+    return bool(width > BROAD)
 
 
 def _file_table(path: Path) -> Table:

@@ -224,3 +224,10 @@ def paper_table(name: str) -> dict[str, Any]:
     tables: Any = OmegaConf.to_container(OmegaConf.load(PAPER))
     table: dict[str, Any] = tables.get(name, {})
     return table
+
+
+def model_label(model: str) -> str:
+    """Return a configuration's name for readers: that of its row in ``paper.yaml``, or its own."""
+    tables: Any = OmegaConf.to_container(OmegaConf.load(PAPER))
+    rows = [row for table in tables.values() for row in table["rows"] if row["model"] == model]
+    return str(rows[0]["label"]) if rows else model.replace("_", " ")

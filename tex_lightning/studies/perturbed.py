@@ -4,6 +4,7 @@ A recording is perturbed once for all systems. Every sense computes its scores o
 however many samples it is part of.
 """
 
+import os
 import zlib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -27,7 +28,9 @@ from tex_lightning.data.folds import Sample, make_samples
 from tex_lightning.data.recordings import Recording, write_part
 from tex_lightning.data.store import Store, fingerprint
 from tex_lightning.errors import UserError
+from tex_lightning.evaluation.comparison import mcnemar
 from tex_lightning.evaluation.outcomes import wilson_interval
+from tex_lightning.evaluation.robustness import StabilityRow
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.perturbations.pixels import Array, Scene
 from tex_lightning.perturbations.table import (
@@ -36,8 +39,7 @@ from tex_lightning.perturbations.table import (
     perturbations,
     read_severities,
 )
-from tex_lightning.report.stability_charts import StabilityRow
-from tex_lightning.report.table import run_settings
+from tex_lightning.report.table import model_label, run_settings
 from tex_lightning.studies.dataset import open_test_data, show_opening
 
 Labels = list[int | None]  # class index of each sample; None for an unusable sample
@@ -150,11 +152,13 @@ class PerturbedSystem:
         name: Unlike those of the other systems.
         kind: The sense that it reads, or ``fusion`` of several.
         folds: Tested folds.
+        label: Name for readers, unlike those of the others, too.
     """
 
     name: str
     kind: str
     folds: list[SystemFold]
+    label: str = ""
 
     @property
     def labels(self) -> list[int]:
@@ -184,12 +188,16 @@ def run_trial(system: PerturbedSystem, perturbation: Perturbation, severity: flo
     clean = system.clean
     labels = system.decide(perturbation, severity) if severity else clean
     count = len(labels)
-    correct = sum(label == truth for label, truth in zip(labels, system.labels, strict=True))
+    known, right = (
+        [label == truth for label, truth in zip(given, system.labels, strict=True)]
+        for given in (clean, labels)
+    )
+    lost, gained, _ = mcnemar(known, right)
     flips = sum(label != before for label, before in zip(labels, clean, strict=True))
-    low, high = wilson_interval(correct, count)
+    low, high = wilson_interval(sum(right), count)
     return StabilityRow(
-        system.name, perturbation.modality, perturbation.name, severity, count, correct / count,
-        low, high, flips / count,
+        system.name, perturbation.modality, perturbation.name, severity, count, sum(right) / count,
+        low, high, flips / count, lost, gained,
     )  # fmt: skip
 
 
@@ -209,18 +217,31 @@ def load_systems(config: Config) -> list[PerturbedSystem]:
     """
     datasets: Datasets = {}
     systems: list[PerturbedSystem] = []
-    for name in config.stability.systems or []:
-        path = Path(name).expanduser()
+    paths = [Path(name).expanduser() for name in config.stability.systems or []]
+    homes = _short_paths(paths)
+    for path, home in zip(paths, homes, strict=True):
         for kind, checkpoints in _checkpoints(path).items():
             folds = [_load(config, *checkpoint, datasets) for checkpoint in checkpoints]
             classifier = folds[0].classifier
             title = _title(path, kind, classifier)
-            systems.append(PerturbedSystem(title, classifier.card.kind, folds))
+            systems.append(PerturbedSystem(title, classifier.card.kind, folds, home))
     counts, numbers = Counter(system.name for system in systems), Counter[str]()
-    for system in systems:  # those of one name get a number
+    for system in systems:  # those of one name get a number, and readers what it stands for
         numbers[title := system.name] += 1
-        system.name = f"{title} ({numbers[title]})" if counts[title] > 1 else title
+        home, system.label = system.label, model_label(title)
+        if counts[title] > 1:
+            system.name = f"{title} ({numbers[title]})"
+            system.label += f" ({numbers[title]}: {home})"
     return systems
+
+
+def _short_paths(paths: Sequence[Path]) -> list[str]:
+    """Return paths without the folders that all of them share."""
+    if len(paths) < 2:
+        return [path.name for path in paths]
+    whole = [path.absolute() for path in paths]
+    shared = os.path.commonpath([path.parent for path in whole])
+    return [path.relative_to(shared).as_posix() for path in whole]
 
 
 def choose_perturbations(

@@ -12,9 +12,10 @@ from tex_lightning.core.devices import computing_device
 from tex_lightning.core.files import write_rows
 from tex_lightning.core.progress import Stage
 from tex_lightning.evaluation.outcomes import counted, environment, write_results
+from tex_lightning.evaluation.robustness import StabilityRow, failure_entry, find_failures
 from tex_lightning.perturbations.table import SEVERITIES, Perturbation
 from tex_lightning.report.figures import save_figure
-from tex_lightning.report.stability_charts import StabilityRow, curves, print_stability
+from tex_lightning.report.stability_charts import print_stability, stability_figure
 from tex_lightning.studies.perturbed import (
     PerturbedSystem,
     choose_perturbations,
@@ -31,9 +32,11 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     trials = _run_trials(systems, chosen)
     write_rows(directory / "stability.csv", StabilityRow._fields, trials)
     table = {perturbation.name: perturbation for perturbation in chosen}
-    for modality in dict.fromkeys(trial.modality for trial in trials):
-        some = [trial for trial in trials if trial.modality == modality]
-        save_figure(curves(some, table, modality), directory / "figures" / f"curves_{modality}")
+    named = dict.fromkeys(trial.system for trial in trials)
+    shown = {system.name: system.label for system in systems if system.name in named}
+    chance = 1 / len(systems[0].folds[0].classifier.card.classes)
+    figure = stability_figure(trials, table, shown, chance)
+    save_figure(figure, directory / "figures" / "stability")
     baselines = [bool(fold.classifier.card.baseline) for it in systems for fold in it.folds]
     results = {
         "task": config.task,
@@ -43,7 +46,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "environment": environment(computing_device(config.trainer.accelerator, baselines)),
         "engine": asdict(config.engine),
         "perturbations": {perturbation.name: asdict(perturbation) for perturbation in chosen},
+        "chance": chance,
         "systems": {system.name: _entry(system, trials) for system in systems},
+        "failures": [failure_entry(failure, table) for failure in find_failures(trials)],
     }
     write_results(directory / "results.json", results)
     print_stability(results, directory)
@@ -68,6 +73,7 @@ def _entry(system: PerturbedSystem, trials: Sequence[StabilityRow]) -> dict[str,
     """Return the entry of one system in ``results.json``."""
     rows = [trial for trial in trials if trial.system == system.name]
     entry: dict[str, Any] = {
+        "label": system.label,
         "kind": system.kind,
         "checkpoints": [str(fold.checkpoint) for fold in system.folds],
     }
