@@ -3,6 +3,7 @@
 import io
 import json
 import shutil
+import wave
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ from google.protobuf import text_format
 from PIL import Image
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from tensorboard.plugins.projector.projector_config_pb2 import ProjectorConfig
+
+from tex_lightning.evaluation.outcomes import read_outcomes
 
 
 def test_runs_sort_as_they_are_read_and_no_chart_is_called_epoch(fused):
@@ -147,3 +150,38 @@ def test_embeddings_tell_classes_apart_that_the_network_tells_apart(bands):
     centres = np.stack([vectors[trained & (labels == kind)].mean(axis=0) for kind in kinds])
     distances = np.linalg.norm(vectors[~trained, None] - centres, axis=2)
     assert [kinds[nearest] for nearest in distances.argmin(axis=1)] == [*labels[~trained]]
+
+
+def test_errors_and_confused_pairs_can_be_seen_and_heard(fused):
+    errors = [
+        each for each in read_outcomes(fused / "predictions" / "haptic.csv")
+        if each.label != each.predicted
+    ]  # fmt: skip
+    assert errors, "the smallest training makes none"
+    events = runs(fused)["tensorboard/1-haptic"]
+    images, audio = events.Tags()["images"], events.Tags()["audio"]
+    shown = [tag for tag in images if tag.startswith("worst samples/")]
+    for each in errors:
+        assert any(f"{each.label} (" in tag and f"called {each.predicted}" in tag for tag in shown)
+    pairs = [tag for tag in images if tag.startswith("confused pairs/")]
+    assert {(each.label, each.predicted) for each in errors} & {
+        tuple(sides_of(tag)) for tag in pairs
+    }
+    for tag in pairs:
+        assert [f"{tag}: haptic of {side}" for side in sides_of(tag)] == [
+            heard for heard in audio if heard.startswith(f"{tag}:")
+        ]
+    (sound,) = events.Audio(audio[0])
+    with wave.open(io.BytesIO(sound.encoded_audio_string)) as opened:
+        assert opened.getframerate() == 10_000
+        assert opened.getnframes() == 24_000  # the whole trace
+    assert runs(fused)["tensorboard/2-visual"].Tags()["audio"] == []
+
+
+def sides_of(tag: str) -> list[str]:
+    return tag.partition("/")[2].partition(" ")[2].split(" called ")
+
+
+def test_the_first_command_leaves_events_of_some_megabytes(fused):
+    files = (file for file in (fused / "tensorboard").rglob("*") if file.is_file())
+    assert sum(file.stat().st_size for file in files) < 5e6

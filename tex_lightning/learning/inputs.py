@@ -12,7 +12,7 @@ from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.data.banks import Bank, Indices, PhotoBank
 from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.learning.module import SurfaceModule
-from tex_lightning.report.board import Picture, png, show, shows
+from tex_lightning.report.board import Picture, jpeg, show, shows
 from tex_lightning.report.pictures import input_pixels, row_of
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
@@ -55,7 +55,7 @@ def _of_sense(module: SurfaceModule, name: str, bank: Bank, labels: Indices) -> 
     return [
         Picture(
             f"inputs/{name} {kind}, {when} augmentation",  # which sort as they are read
-            png(row_of([input_pixels(x, sense.features, LARGEST) for x in inputs], captions)),
+            jpeg(row_of([input_pixels(x, sense.features, LARGEST) for x in inputs], captions)),
         )
         for when, inputs in (("1 before", before), ("2 after", after))
     ]

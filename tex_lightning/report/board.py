@@ -23,16 +23,17 @@ Pixels = npt.NDArray[np.uint8]
 LARGEST = 8192  # pixels along a sprite, of which TensorBoard shows no more
 ORDER = ("haptic", "visual", "sound")  # of reading; then senses of the user's, and the fusion last
 FUSION = "fusion"
+PNG = b"\x89PNG"  # with which such files begin
 UNUSUAL = re.compile(r"[^\w.,+=@ -]")  # in the name of a file
 MAX_NAME = 80  # characters of it
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture as the content of a PNG file."""
+    """A picture as the content of a file: a figure is PNG, and what has photos is JPEG."""
 
     tag: str
-    png: bytes
+    content: bytes
 
 
 @dataclass(frozen=True)
@@ -123,6 +124,13 @@ def wav(samples: npt.NDArray[np.float32], rate: int) -> bytes:
     return stream.getvalue()
 
 
+def jpeg(pixels: Pixels) -> bytes:
+    """Return pixels (height, width, 3) as the content of a JPEG file, a fifth as large."""
+    stream = io.BytesIO()
+    Image.fromarray(pixels).save(stream, "JPEG", quality=88)
+    return stream.getvalue()
+
+
 def png(pixels: Pixels) -> bytes:
     """Return pixels (height, width, 3) as the content of a PNG file."""
     stream = io.BytesIO()
@@ -152,8 +160,8 @@ def sprite(thumbnails: Pixels) -> Pixels:
 
 
 def _to_artifacts(logger: MLFlowLogger, part: str, pieces: Iterable[Piece]) -> None:
-    with tempfile.TemporaryDirectory() as name:
-        home = Path(name)
+    with tempfile.TemporaryDirectory() as temporary:
+        home = Path(temporary)
         for piece in pieces:
             if isinstance(piece, Points):
                 write_points(home / "projector" / piece.tag, piece)
@@ -162,12 +170,12 @@ def _to_artifacts(logger: MLFlowLogger, part: str, pieces: Iterable[Piece]) -> N
             folder, slash, name = piece.tag.partition("/")
             path = f"{folder}{slash}{UNUSUAL.sub('_', name)[:MAX_NAME]}{suffix}"
             write_bytes(home / path, content)
-        logger.experiment.log_artifacts(logger.run_id, name, part)
+        logger.experiment.log_artifacts(logger.run_id, temporary, part)
 
 
 def _file(piece: Picture | Sound | Words) -> tuple[bytes, str]:
     if isinstance(piece, Picture):
-        return piece.png, ".png"
+        return piece.content, ".png" if piece.content.startswith(PNG) else ".jpg"
     if isinstance(piece, Sound):
         return wav(piece.samples, piece.rate), ".wav"
     return piece.markdown.encode(), ".md"

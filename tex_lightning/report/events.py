@@ -64,9 +64,11 @@ def _summary(piece: Picture | Sound | Words) -> Any:  # noqa: ANN401  (protocol 
             encoded_audio_string=wav(piece.samples, piece.rate), content_type="audio/wav",
         )  # fmt: skip
         return Summary(value=[Summary.Value(tag=piece.tag, audio=audio)])
-    with Image.open(io.BytesIO(piece.png)) as opened:
+    with Image.open(io.BytesIO(piece.content)) as opened:
         width, height = opened.size
-    image = Summary.Image(width=width, height=height, colorspace=3, encoded_image_string=piece.png)
+    image = Summary.Image(
+        width=width, height=height, colorspace=3, encoded_image_string=piece.content
+    )
     return Summary(value=[Summary.Value(tag=piece.tag, image=image)])
 
 

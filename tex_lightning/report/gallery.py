@@ -1,14 +1,23 @@
-"""Pieces of a run for its loggers: figures of the run folder, and texts."""
+"""Pieces of a run for its loggers: figures of the run folder, samples, and texts."""
 
 import shlex
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.report.board import Picture, Words
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.data.folds import Sample
+from tex_lightning.data.store import Store
+from tex_lightning.evaluation.confusion import confused_pairs, own_pairs
+from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
+from tex_lightning.report.board import Picture, Sound, Words, jpeg
+from tex_lightning.report.pictures import captioned
+from tex_lightning.report.samples import ShownSample, sample_picture, show_sample, worst
 from tex_lightning.report.table import facts, markdown, typed_overrides
 from tex_lightning.text import printable, to_markdown
 
+WORST = 6  # samples
+PAIRS = 3
 # Tags of the figures that a test draws, by the end of their file's name.
 FIGURES = {
     "confusion": "confusion/recordings",
@@ -53,3 +62,82 @@ def text_pieces(
 def _table(rows: list[list[str]]) -> str:
     first, *others = [[to_markdown(cell) for cell in row] for row in rows]
     return "\n".join(markdown(first, others))
+
+
+def sample_pieces(
+    classifier: SurfaceClassifier,
+    samples: Sequence[Sample],
+    outcomes: Sequence[Outcome],
+    store: Store,
+) -> Iterator[Picture | Sound]:
+    """Yield the worst samples, and both sides of the most confused pairs with their sounds.
+
+    Args:
+        classifier: The network, on its device.
+        samples: The tested samples.
+        outcomes: What became of each.
+        store: Their recordings.
+    """
+    seen: dict[int, ShownSample] = {}
+
+    def shown(number: int) -> ShownSample:
+        if number not in seen:
+            seen[number] = show_sample(classifier, samples[number], outcomes[number], store)
+        return seen[number]
+
+    for place, number in enumerate(worst(outcomes, WORST), 1):
+        sample = shown(number)
+        yield Picture(
+            f"worst samples/{place} {printable(sample.title)}", jpeg(sample_picture(sample))
+        )
+    for place, pair in enumerate(confused_pairs(outcomes, classifier.card.classes)[:PAIRS], 1):
+        sides = [
+            shown(number)
+            for number in (_of(outcomes, pair.label, pair.predicted), _of(outcomes, pair.predicted))
+            if number is not None
+        ]
+        title = printable(f"{place} {pair.label} called {pair.predicted}")
+        pictures = [sample_picture(side) for side in sides]
+        said = f"{pair.share:.0%} of the fragments of {pair.label} are called {pair.predicted}"
+        yield Picture(f"confused pairs/{title}", jpeg(captioned([(said, pictures)])))
+        for side in sides:
+            for name, sense in side.senses.items():
+                if sense.sound is not None:
+                    tag = f"confused pairs/{title}: {name} of {printable(side.outcome.label)}"
+                    yield Sound(tag, *sense.sound)
+
+
+def _of(outcomes: Sequence[Outcome], label: str, predicted: str | None = None) -> int | None:
+    """Return the number of the sample of a class that is most for another, or most for its own."""
+    numbers = [number for number, outcome in enumerate(outcomes) if outcome.label == label]
+    if not numbers:
+        return None
+    other = label if predicted is None else predicted
+
+    def likely(number: int) -> tuple[bool, float]:
+        outcome = outcomes[number]
+        return outcome.predicted == other, outcome.class_probabilities.get(other, 0.0)
+
+    return max(numbers, key=likely)
+
+
+def pair_pieces(
+    directory: Path, networks: Iterable[str], classes: Sequence[str]
+) -> Iterator[Words]:
+    """Yield a table of the pairs that one network confuses and another one tells apart.
+
+    Args:
+        directory: The run folder, with the predictions of all networks.
+        networks: Names of the networks.
+        classes: Names of the classes.
+    """
+    files = {name: directory / "predictions" / f"{name}.csv" for name in networks}
+    outcomes = {name: read_outcomes(file) for name, file in files.items() if file.is_file()}
+    rows = [
+        [own.network, own.pair.label, own.pair.predicted, f"{own.pair.share:.0%}",
+         ", ".join(f"{name} {share:.0%}" for name, share in own.others.items())]
+        for own in own_pairs(outcomes, classes)
+    ]  # fmt: skip
+    if rows:
+        heading = ["network", "fragments of", "called", "share", "share of other networks"]
+        yield Words("4 confused pairs", _table([heading, *rows]))

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from tex_lightning.report.style import brief
 from tex_lightning.senses.features.image import ImageFeatures
+from tex_lightning.text import printable
 
 Pixels = npt.NDArray[np.uint8]
 SHADES = 256
@@ -88,3 +89,25 @@ def _fitting(text: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, widt
     while len(text) > 1 and font.getlength(text) > width:
         text = f"{text[:-2]}…"
     return text
+
+
+def captioned(rows: Sequence[tuple[str, Sequence[Pixels]]]) -> Pixels:
+    """Return pictures below each other, in rows with a caption above each that has one."""
+    font = ImageFont.load_default(LINE - 3)
+    sizes = []
+    for caption, pictures in rows:
+        width = sum(picture.shape[1] + GAP for picture in pictures) - GAP if pictures else 0
+        height = max((picture.shape[0] for picture in pictures), default=0)
+        sizes.append((width, height + (LINE if caption else 0) + 2))
+    width = max(*(size[0] for size in sizes), LEAST)
+    sheet = Image.new("RGB", (width, sum(size[1] for size in sizes)), "white")
+    draw, y = ImageDraw.Draw(sheet), 0
+    for (caption, pictures), (_, height) in zip(rows, sizes, strict=True):
+        if caption:
+            draw.text((0, y), _fitting(printable(caption), font, width), fill="black", font=font)
+        x, top = 0, y + (LINE if caption else 0)
+        for picture in pictures:
+            sheet.paste(Image.fromarray(picture), (x, top))
+            x += picture.shape[1] + GAP
+        y += height
+    return np.asarray(sheet)

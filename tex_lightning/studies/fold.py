@@ -37,7 +37,6 @@ from tex_lightning.learning.start import starting_classifier
 from tex_lightning.learning.train import checkpoint_of, shared_folder, train_network
 from tex_lightning.learning.trial import try_baseline, try_custom_parts, try_training
 from tex_lightning.report.board import Piece
-from tex_lightning.report.embeddings import projector_pieces
 from tex_lightning.studies.dataset import Dataset, open_dataset, show_opening
 from tex_lightning.studies.evaluate_checkpoint import (
     describe_network,
@@ -46,7 +45,7 @@ from tex_lightning.studies.evaluate_checkpoint import (
     results_frame,
 )
 from tex_lightning.studies.leaks import refuse_leak, trained_on
-from tex_lightning.studies.logged import log_network
+from tex_lightning.studies.logged import log_network, test_pieces
 
 log = logging.getLogger(__name__)
 
@@ -306,13 +305,13 @@ def _test_network(
     samples = make_samples(parts.test, modalities)
     unknown = make_samples(split(dataset.unknown, config.data, trains=True).test, modalities)
     checkpoint = checkpoint_of(directory, kind)
-    points: Iterable[Piece] = ()
+    further: Iterable[Piece] = ()
     if samples:
         result, outcomes = report_network(
             classifier, checkpoint, samples, store, directory, config, unknown,
             dataset.condition_bins,
         )  # fmt: skip
-        points = projector_pieces(classifier, samples, outcomes, store)
+        further = test_pieces(classifier, samples, outcomes, store)
         if draw:
             draw_figures(outcomes, dataset.classes, kind, directory)
     else:
@@ -321,7 +320,7 @@ def _test_network(
     if draw:
         before = {name: entry for name, entry in networks.items() if name != kind}
         log_network(
-            config, dataset, directory, loggers, {**before, kind: result}, [config.data], points
+            config, dataset, directory, loggers, {**before, kind: result}, [config.data], further
         )
     else:
         log_test(loggers, kind, plain_values(config), result)

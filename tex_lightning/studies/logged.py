@@ -1,15 +1,20 @@
 """Tell the loggers of a network what its test has shown."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from lightning.pytorch.loggers import Logger
 
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, Folding, plain_values
+from tex_lightning.data.folds import Sample
+from tex_lightning.data.store import Store
+from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.learning.loggers import log_test, trial_settings
 from tex_lightning.report.board import Piece, shows
-from tex_lightning.report.gallery import figure_pieces, text_pieces
+from tex_lightning.report.embeddings import projector_pieces
+from tex_lightning.report.gallery import figure_pieces, pair_pieces, sample_pieces, text_pieces
 from tex_lightning.studies.dataset import Dataset, data_facts
 
 
@@ -43,6 +48,18 @@ def log_network(
         results = {"classes": dataset.classes, "networks": networks}
         facts = data_facts(config.data, dataset, trains)
         pieces += text_pieces(directory, results, facts)
+        pieces += pair_pieces(directory, networks, dataset.classes)
     trial = trial_settings(directory, model.name, config.data.name, name) if trains else None
     told = values if trains else {key: values[key] for key in ("seed", "data")}
     log_test(loggers, name, told, networks[name], pieces, trial)
+
+
+def test_pieces(
+    classifier: SurfaceClassifier,
+    samples: Sequence[Sample],
+    outcomes: Sequence[Outcome],
+    store: Store,
+) -> Iterator[Piece]:
+    """Yield what is seen of a network's test: samples to look at and to hear, and embeddings."""
+    yield from sample_pieces(classifier, samples, outcomes, store)
+    yield from projector_pieces(classifier, samples, outcomes, store)

@@ -13,7 +13,6 @@ from tex_lightning.data.folds import make_samples, tested_part
 from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.inference.prediction import check_unknown
 from tex_lightning.learning.loggers import open_loggers
-from tex_lightning.report.embeddings import projector_pieces
 from tex_lightning.report.table import print_results
 from tex_lightning.studies.dataset import open_test_data, show_opening
 from tex_lightning.studies.evaluate_checkpoint import (
@@ -21,7 +20,7 @@ from tex_lightning.studies.evaluate_checkpoint import (
     report_network,
     results_frame,
 )
-from tex_lightning.studies.logged import log_network
+from tex_lightning.studies.logged import log_network, test_pieces
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
@@ -49,8 +48,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     )
     draw_figures(outcomes, card.classes, card.kind, directory)
     loggers, networks = open_loggers(config.logger, directory, card.kind), {card.kind: network}
-    points = projector_pieces(classifier, samples, outcomes, store)
-    log_network(config, dataset, directory, loggers, networks, further=points)
+    further = test_pieces(classifier, samples, outcomes, store)
+    log_network(config, dataset, directory, loggers, networks, further=further)
     seconds = time.perf_counter() - begin
     results = results_frame(
         config, card.kind, card.classes, dataset.skipped, networks, seconds,

@@ -1,0 +1,193 @@
+"""Test samples to look at and to hear: as recorded, as a network gets them, what it made of them.
+
+Pictures are made without a plotting library, since a run shows dozens.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from PIL import Image
+from torch import Tensor
+
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.core.devices import computing_threads
+from tex_lightning.data.decode import SignalDecoder
+from tex_lightning.data.folds import Sample
+from tex_lightning.data.store import Store, load_recording
+from tex_lightning.evaluation.outcomes import Outcome
+from tex_lightning.report.pictures import Pixels, captioned, input_pixels
+from tex_lightning.senses.base import Sense
+
+WIDTH = 320  # pixels of a picture of a recording
+HEIGHT = 64  # of a trace as drawn
+STRIP = 18  # of the classes along a signal
+SECONDS = 5.0  # of a sound
+LEAST_RATE = 8000  # Hz; slower sounds are brought to it, as browsers play none below 3 kHz
+TRUE, LABEL, OTHER = (0, 158, 115), (213, 94, 0), (200, 200, 200)  # Okabe and Ito; a light grey
+TRACE = (0, 114, 178)
+LEGEND = "fragments: green the true class, orange the label, grey others"
+
+
+@dataclass(frozen=True)
+class ShownSense:
+    """One recording of a sample.
+
+    Attributes:
+        file: Name of its file.
+        trace: The samples as drawn (height, width, 3); None of a photo.
+        picture: The network's input (height, width, 3): spectrogram or photo.
+        map: Classes of the fragments (height, width, 3): true, label or another.
+        sound: Samples in [-1, 1] and their rate in Hz; None of a photo.
+    """
+
+    file: str
+    trace: Pixels | None
+    picture: Pixels
+    map: Pixels
+    sound: tuple[npt.NDArray[np.float32], int] | None
+
+
+@dataclass(frozen=True)
+class ShownSample:
+    """One test sample.
+
+    Attributes:
+        outcome: What became of it.
+        senses: By name of the sense.
+    """
+
+    outcome: Outcome
+    senses: Mapping[str, ShownSense]
+
+    @property
+    def title(self) -> str:
+        """Truth, label and their probabilities."""
+        outcome, known = self.outcome, self.outcome.class_probabilities
+        label = f"{outcome.predicted} ({known.get(outcome.predicted, 0):.0%})"
+        if outcome.label == outcome.predicted:
+            return f"{label}, correct"
+        return f"{outcome.label} ({known.get(outcome.label, 0):.0%}) called {label}"
+
+
+@torch.inference_mode()
+def show_sample(
+    classifier: SurfaceClassifier, sample: Sample, outcome: Outcome, store: Store
+) -> ShownSample:
+    """Look at one sample as a network does.
+
+    Args:
+        classifier: The network, on its device.
+        sample: The sample.
+        outcome: What became of it.
+        store: Its recordings.
+    """
+    senses = {}
+    for name, sense in classifier.senses.items():
+        recording = load_recording(sample.recordings[sense.modality], store).to(classifier.device)
+        with computing_threads(classifier.threads(name, recording)):
+            fragments = _fragments(classifier, name, recording)
+        file = sample.recordings[sense.modality].path.name
+        senses[name] = _shown(sense, file, recording, _colours(fragments, classifier, outcome))
+    return ShownSample(outcome, senses)
+
+
+def _fragments(classifier: SurfaceClassifier, name: str, recording: Tensor) -> Tensor:
+    """Return the class (rows, columns) that one sense alone gives each position."""
+    sense, layer = classifier.senses[name], classifier.embedding_layer(name)
+    grid = sense.dense_grid(sense.dense_input(recording), layer)
+    scores = classifier.output_of(name, grid.flatten(1)).partial_logits
+    return scores.argmax(dim=0).reshape(grid.shape[1:]).cpu()
+
+
+def _colours(fragments: Tensor, classifier: SurfaceClassifier, outcome: Outcome) -> Pixels:
+    """Return the colour (rows, columns, 3) of each fragment."""
+    classes = classifier.card.classes
+    table = np.full((len(classes), 3), OTHER, np.uint8)
+    for name, colour in ((outcome.predicted, LABEL), (outcome.label, TRUE)):
+        if name in classes:
+            table[classes.index(name)] = colour
+    return np.asarray(table[fragments.numpy()])
+
+
+def _shown(sense: Sense, file: str, recording: Tensor, colours: Pixels) -> ShownSense:
+    if sense.medium == "photo":
+        picture = Image.fromarray(recording.cpu().numpy())
+        picture.thumbnail((WIDTH, WIDTH))
+        size = picture.size
+        map_ = Image.fromarray(colours).resize(size, Image.Resampling.NEAREST)
+        return ShownSense(file, None, np.asarray(picture), np.asarray(map_), None)
+    signal = recording.cpu().float().numpy()
+    spectrogram = Image.fromarray(input_pixels(sense(recording)[0], sense.features, 4 * WIDTH))
+    strip = Image.fromarray(colours).resize((WIDTH, STRIP), Image.Resampling.NEAREST)
+    return ShownSense(
+        file,
+        draw_trace(signal),
+        np.asarray(spectrogram.resize((WIDTH, max(HEIGHT, min(spectrogram.height, 2 * HEIGHT))))),
+        np.asarray(strip),
+        _sound(signal, sense.decoder),
+    )
+
+
+def draw_trace(signal: npt.NDArray[np.float32]) -> Pixels:
+    """Draw a signal (axes, samples), the mean taken off, as its range in each column."""
+    centred = signal - signal.mean(axis=1, keepdims=True)
+    edges = np.linspace(0, signal.shape[1], WIDTH + 1).astype(int)
+    starts = np.minimum(edges[:-1], signal.shape[1] - 1)
+    low = np.minimum.reduceat(centred.min(axis=0), starts)
+    high = np.maximum.reduceat(centred.max(axis=0), starts)
+    scale = (HEIGHT / 2 - 1) / max(float(np.abs(centred).max()), 1e-12)
+    rows = np.arange(HEIGHT)[:, None]
+    top, bottom = HEIGHT / 2 - high * scale, HEIGHT / 2 - low * scale
+    inside = (rows >= np.floor(top)) & (rows <= np.ceil(bottom))
+    return np.where(inside[..., None], np.array(TRACE, np.uint8), np.uint8(255))
+
+
+def _sound(
+    signal: npt.NDArray[np.float32], decoder: object
+) -> tuple[npt.NDArray[np.float32], int] | None:
+    """Return the mean of the axes at full strength, and its rate."""
+    if not isinstance(decoder, SignalDecoder):
+        return None
+    rate = decoder.sampling_rate
+    samples = signal[:, : int(SECONDS * rate)].mean(axis=0)
+    samples = samples - samples.mean()
+    samples = samples / max(float(np.abs(samples).max()), 1e-12)
+    if rate < LEAST_RATE:
+        times = np.arange(int(len(samples) * LEAST_RATE / rate)) * rate / LEAST_RATE
+        samples, rate = np.interp(times, np.arange(len(samples)), samples), LEAST_RATE
+    return samples.astype(np.float32), round(rate)
+
+
+def sample_picture(shown: ShownSample) -> Pixels:
+    """Return a sample as one picture: as recorded, as the network gets it, what it made of it."""
+    outcome, known = shown.outcome, shown.outcome.class_probabilities
+    told = [f"{outcome.label} ({known.get(outcome.label, 0):.0%})"]
+    if outcome.label != outcome.predicted:
+        told.append(f"called {outcome.predicted} ({known.get(outcome.predicted, 0):.0%})")
+    rows: list[tuple[str, Sequence[Pixels]]] = [(line, ()) for line in told]
+    for name, sense in shown.senses.items():
+        heading = f"{name}: {sense.file}"
+        if sense.trace is None:
+            rows.append((heading, [sense.picture, sense.map]))
+        else:
+            rows += [(heading, [sense.trace]), ("", [sense.picture]), ("", [sense.map])]
+    return captioned([*rows, (LEGEND, ())])
+
+
+def margin(outcome: Outcome) -> float:
+    """Return by how much the best other class exceeds the true one, from -1 to 1."""
+    known = dict(outcome.class_probabilities)
+    true = known.pop(outcome.label, 0.0)
+    return max(known.values(), default=0.0) - true
+
+
+def worst(outcomes: Sequence[Outcome], most: int) -> list[int]:
+    """Return the numbers of the outcomes that are most wrong, errors first, the worst first."""
+    order = sorted(
+        range(len(outcomes)),
+        key=lambda n: (outcomes[n].label == outcomes[n].predicted, -margin(outcomes[n])),
+    )
+    return order[:most]
