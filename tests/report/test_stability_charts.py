@@ -57,7 +57,7 @@ def test_each_system_and_perturbation_has_a_cell_with_intervals_and_chance(trial
 
 def test_the_table_has_every_pair_with_counts_interval_and_breaking_point(trials):
     entries = [failure_entry(failure, TABLE) for failure in find_failures(trials)]
-    systems = {name: {"label": label} for name, label in SYSTEMS.items()}
+    systems = {name: {"name": label} for name, label in SYSTEMS.items()}
     table = failure_table({"systems": systems, "failures": entries})
     assert len(table.rows) == 23
     assert table.rows[0]["perturbation"] == "white noise"

@@ -4,6 +4,7 @@ import csv
 import json
 import shutil
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,11 +15,12 @@ from tex_lightning.config.check import check_config
 from tex_lightning.config.composition import Job, read_config
 from tex_lightning.errors import UserError
 from tex_lightning.studies import family
-from tex_lightning.studies.family import compose_family
+from tex_lightning.studies.family import compose_family, label_systems
 
 CONTRACT = (
     "system", "kind", "parameters", "macs", "latency_ms_median", "latency_ms_p95", "fit_seconds",
     "vote_accuracy", "ci_low", "ci_high", "on_frontier", "chosen", "latency_ms_mean",
+    "name",
 )  # fmt: skip
 
 
@@ -43,6 +45,44 @@ def test_table_has_the_columns_and_one_choice(frontier_run):
     assert [row["system"] for row in rows if row["chosen"] == "True"] == ["mfcc_nb"]
     means = [float(row["latency_ms_mean"]) for row in rows]
     assert means == sorted(means)
+
+
+def test_readers_get_names_and_the_file_keeps_the_keys(frontier_run):
+    rows = read_csv(frontier_run / "frontier.csv")
+    names = {row["system"]: row["name"] for row in rows}
+    assert names == {
+        "hapticnet_w0.5": "HapticNet, width 0.5",
+        "hapticnet_w0.5_sequential": "HapticNet, width 0.5, sequential",
+        "mfcc_nb": "Modified MFCC decreasing + naive Bayes",
+    }
+    page = (frontier_run / "report.html").read_text()
+    assert all(f"<td>{name}</td>" in page for name in names.values())
+    log = next(frontier_run.glob("*.log")).read_text()
+    assert "System 2/3, HapticNet, width 0.5, sequential: training without folds 0, 5." in log
+
+
+def fake(name: str, overrides: str, model: str) -> family.System:
+    senses = overrides.partition("model.senses=[")[2].partition("]")[0].split(",")
+    config = SimpleNamespace(model=SimpleNamespace(name=model, senses=senses))
+    return family.System(name, overrides.split(), config)
+
+
+def test_names_say_model_and_settings_and_differ():
+    systems = [
+        fake("a", "model=haptic model.haptic.width=0.5 decision=sequential", "haptic"),
+        fake("b", "model=visual_efficientnet data.half_scale=true", "visual_efficientnet"),
+        fake("c", "model=fusion model.haptic.width=0.5 model.visual.width=0.25", "fusion"),
+        fake("haptic+visual_sequential", "model.senses=[haptic,visual] decision=sequential", "x"),
+        fake("mfcc", "model=mfcc_gmm model.senses=[sound] weights=null", "mfcc_gmm"),
+        fake("mine", "model=my_net", "my_net"),
+        fake("mine_too", "model=my_net weights=FILE", "my_net"),
+    ]
+    label_systems(systems)
+    assert [system.label for system in systems] == [
+        "HapticNet, width 0.5, sequential", "VisualNet on EfficientNet-Lite, half scale",
+        "FusionNet-FC2, haptic width 0.5, visual width 0.25", "haptic + visual, sequential",
+        "MFCC + GMM, sound", "my net (mine)", "my net (mine_too)",
+    ]  # fmt: skip
 
 
 def test_networks_that_differ_in_how_they_run_are_trained_once(frontier_run):

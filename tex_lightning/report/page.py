@@ -235,9 +235,14 @@ def write_report(directory: Path, runs: Sequence[Path] | None = None) -> None:
     }
     if systems:
         write_text(directory / "report.md", render(TEMPLATES / "report.md.jinja", context))
+    systems_by_name = {key: str(entry["name"]) for key, entry in results.get("systems", {}).items()}
     further = {
         "networks": facts(results),
-        "files": [_file_table(directory / name) for name in FILES if (directory / name).is_file()],
+        "files": [
+            _file_table(directory / name, systems_by_name)
+            for name in FILES
+            if (directory / name).is_file()
+        ],
         "settings": run_settings(directory),
         "environment": results.get("environment", {}),
         "seconds": results.get("wall_seconds"),
@@ -267,10 +272,11 @@ def is_broad(path: Path) -> bool:
     return bool(width > BROAD)
 
 
-def _file_table(path: Path) -> Table:
-    """Return the table of a CSV, figures with four digits."""
+def _file_table(path: Path, names: Mapping[str, str]) -> Table:
+    """Return the table of a CSV, figures with four digits and systems by their names first."""
     rows = [
-        {name.replace("_", " "): _short(cell) for name, cell in line.items()}
+        {"name": names.get(line.get("system", ""), "")}
+        | {name.replace("_", " "): _short(cell) for name, cell in line.items()}
         for line in read_rows(path)
     ]
     return Table(path.name, rows)
@@ -281,4 +287,4 @@ def _short(cell: str) -> str:
         number = float(cell)
     except ValueError:
         return cell
-    return cell if number == int(number) else f"{number:.4g}"
+    return cell if number.is_integer() else f"{number:.4g}"

@@ -33,7 +33,7 @@ FAILS_FIRST = (
 
 def failure_table(results: Mapping[str, Any]) -> Table:
     """Return what fails first, from ``results.json``, for every medium but the terminal."""
-    names = {key: entry["label"] for key, entry in results["systems"].items()}
+    names = {key: entry["name"] for key, entry in results["systems"].items()}
     several = len({entry["modality"] for entry in results["failures"]}) > 1
     rows = [
         {
@@ -80,10 +80,10 @@ def print_stability(results: dict[str, Any], directory: Path) -> None:
     table = make_table(f"stability · {results['data']}", ["system"], figures)
     for entry in results["systems"].values():
         if "clean" not in entry:
-            table.add_row(entry["label"], "none applies")
+            table.add_row(entry["name"], "none applies")
             continue
         table.add_row(
-            entry["label"],
+            entry["name"],
             counted(entry["clean"]),
             f"{entry['mean_error']:.1%}",
             f"{entry['mean_flip_rate']:.1%}",
@@ -104,7 +104,7 @@ def _print_failures(results: Mapping[str, Any]) -> None:
         if entry["broken_from"]:
             cells[1] += f"\nbreaks at {_number(entry['breaking_value'])}"
         name = entry["perturbation"].replace("_", " ")
-        label = [results["systems"][entry["system"]]["label"]] if several else []
+        label = [results["systems"][entry["system"]]["name"]] if several else []
         table.add_row(*label, name, *cells)
     left = len(entries) - MAX_PRINTED
     table.caption = (

@@ -1,5 +1,6 @@
 """Compose the systems of a family, and train and test them on the same folds."""
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
@@ -16,11 +17,15 @@ from tex_lightning.core.progress import Stage
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
 from tex_lightning.inference.early_stopping import SEQUENTIAL
+from tex_lightning.report.table import model_label
 from tex_lightning.studies.dataset import show_opening
 from tex_lightning.studies.fold import finished_fold, open_training, run_fold
 
+log = logging.getLogger(__name__)
 NETWORKS = "networks"
 OWN_SECTIONS = ("task", "frontier", "crossval")  # keys that say nothing of a single system
+UNSAID = ("model", "experiment", "weights")  # keys that are no part of a name for readers
+SAID_BY_VALUE = ("decision", "model.senses")
 
 
 @dataclass
@@ -29,6 +34,7 @@ class System:
 
     Attributes:
         name: Name in the family.
+        label: Name for readers, unlike those of the others, too.
         overrides: Overrides of the system, in addition to the user's.
         config: Composed configuration.
         entry: Facts of the first fold's network: parameters, arithmetic, checkpoint.
@@ -42,6 +48,7 @@ class System:
     entry: dict[str, Any] = field(default_factory=dict)
     fit_seconds: float = 0.0
     tests: dict[int, list[Outcome]] = field(default_factory=dict)
+    label: str = ""
 
     @property
     def cost(self) -> float:
@@ -70,7 +77,37 @@ def compose_family(config: Config, job: Job) -> list[System]:
             f"frontier.only names {unknown[0]}, which this family does not have: choose from "
             f"{', '.join(family)}."
         )
-    return [compose_system(name, family[name], job) for name in family if name in only]
+    composed = [compose_system(name, family[name], job) for name in family if name in only]
+    label_systems(composed)
+    return composed
+
+
+def label_systems(systems: Sequence[System]) -> None:
+    """Give each system a name for readers: its model, and what it sets."""
+    labels = [_label(system) for system in systems]
+    for system, label in zip(systems, labels, strict=True):
+        system.label = label if labels.count(label) == 1 else f"{label} ({system.name})"
+
+
+def _label(system: System) -> str:
+    settings = dict(item.lstrip("+~").partition("=")[::2] for item in system.overrides)
+    first = model_label(system.config.model.name)
+    senses = settings.get("model.senses", "").strip("[]").split(",")
+    if system.name.startswith("+".join(senses) or " "):  # one of their subsets
+        first = " + ".join(senses)
+        del settings["model.senses"]
+    said = [_say(key, settings) for key in settings if key not in UNSAID]
+    return ", ".join(dict.fromkeys([first, *said]))
+
+
+def _say(key: str, settings: Mapping[str, str]) -> str:
+    """Return a setting in words: its key by the last part, or two where that means several."""
+    value, parts = settings[key], key.split(".")
+    if key in SAID_BY_VALUE:
+        return value.strip("[]").replace(",", " + ")
+    alike = {settings[other] for other in settings if other.split(".")[-1] == parts[-1]}
+    name = " ".join(parts[-1 if len(alike) == 1 else -2 :]).replace("_", " ")
+    return {"true": name, "false": f"no {name}"}.get(value, f"{name} {value}")
 
 
 def compose_system(name: str, overrides: Sequence[str], job: Job) -> System:
@@ -129,12 +166,13 @@ def measure_family(systems: Sequence[System], folds: Sequence[int], directory: P
         folds: Folds that are tested.
         directory: Parent of a folder for each system; shared networks are in a folder beside it.
     """
-    what = f"{len(systems)} systems: {', '.join(system.name for system in systems)}"
+    what = f"{len(systems)} systems: {', '.join(system.label for system in systems)}"
     networks_in, shown = directory.parent / NETWORKS, set[str]()
     with Stage("system", len(systems)) as level:
         for number, system in enumerate(systems):
-            level.update(number, title=system.name)
-            homes = {fold: directory / system.name / "folds" / str(fold) for fold in folds}
+            level.update(number, title=system.label)
+            which = f"System {number + 1}/{len(systems)}, {system.label}"
+            log.info("%s: %s.", which, _announced(homes := _homes(directory, system, folds)))
             entries = _run_folds(system.config, homes, networks_in, what, shown)
             kind = system.config.model.kind
             seconds = [sum(part["fit_seconds"] for part in entry.values()) for entry in entries]
@@ -143,6 +181,23 @@ def measure_family(systems: Sequence[System], folds: Sequence[int], directory: P
                 fold: read_outcomes(home / "predictions" / f"{kind}.csv")
                 for fold, home in homes.items()
             }
+            right = sum(outcome.label == outcome.predicted for outcome in system.outcomes)
+            log.info(
+                "%s: %d/%d correct, %.3g ms for a sample, fitted in %.3g s a fold.",
+                which, right, len(system.outcomes), system.cost, system.fit_seconds,
+            )  # fmt: skip
+
+
+def _homes(directory: Path, system: System, folds: Sequence[int]) -> dict[int, Path]:
+    return {fold: directory / system.name / "folds" / str(fold) for fold in folds}
+
+
+def _announced(homes: Mapping[int, Path]) -> str:
+    """Return what is to be done: the folds that no earlier run has finished."""
+    left = [fold for fold, home in homes.items() if not (home / "results.json").is_file()]
+    if not left:
+        return "trained already"
+    return f"training without fold{'s' * (len(left) > 1)} {', '.join(map(str, left))}"
 
 
 def _run_folds(

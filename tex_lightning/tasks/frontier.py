@@ -2,14 +2,11 @@
 
 import shlex
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.ticker import LogFormatter, PercentFormatter
 from omegaconf import OmegaConf
 
 from tex_lightning.config import Config
@@ -24,7 +21,7 @@ from tex_lightning.evaluation.comparison import (
 )
 from tex_lightning.evaluation.outcomes import environment, summarise, write_results
 from tex_lightning.report.figures import save_figure
-from tex_lightning.report.style import brief, looks, styled
+from tex_lightning.report.frontier_chart import Row, frontier_figure
 from tex_lightning.report.table import make_table, print_tables
 from tex_lightning.studies.family import (
     System,
@@ -51,7 +48,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     baselines = [system.config.model.baseline is not None for system in systems]
     rows = _rows(systems, chosen)
     write_rows(directory / "frontier.csv", rows[0], (row.values() for row in rows))
-    save_figure(frontier_figure(rows), directory / "frontier")
+    tested = f"{len(systems[0].outcomes)} test samples of {config.data.name}, {_folds(folds)}"
+    chance = 1 / len({outcome.label for outcome in systems[0].outcomes})
+    save_figure(frontier_figure(rows, tested, chance), directory / "frontier")
     results = {
         "task": config.task,
         "data": config.data.name,
@@ -67,6 +66,10 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     write_results(directory / "results.json", results)
     print_frontier(rows, directory, str(results["command"]))
     return results
+
+
+def _folds(folds: Sequence[int]) -> str:
+    return f"fold {folds[0]}" if len(folds) == 1 else f"{len(folds)} folds"
 
 
 def _choose(systems: Sequence[System]) -> System:
@@ -111,6 +114,7 @@ def _rows(systems: Sequence[System], chosen: System) -> list[dict[str, Any]]:
             "on_frontier": system.name in line,
             "chosen": system is chosen,
             "latency_ms_mean": system.cost,
+            "name": system.label,
         }
         rows.append(row)
     return rows
@@ -125,47 +129,6 @@ def _command(job: Job, overrides: Sequence[str]) -> str:
     return shlex.join(["python", "-m", "tex_lightning", *flags, *job.searchpath, *ordered])
 
 
-Row = Mapping[str, Any]  # of ``frontier.csv``, by column
-
-
-@styled
-def frontier_figure(rows: Sequence[Row]) -> Figure:
-    """Draw accuracy with intervals over latency (log axis).
-
-    Dominated systems are hollow, the chosen one has a black edge.
-    """
-    figure = Figure(figsize=(11, 6), layout="constrained")
-    axes = figure.subplots()
-    drawn = looks(row["system"] for row in rows)
-    for row in rows:
-        look = drawn[row["system"]]
-        bounds = [
-            [max(row["vote_accuracy"] - row["ci_low"], 0)],
-            [max(row["ci_high"] - row["vote_accuracy"], 0)],
-        ]
-        axes.errorbar(
-            row["latency_ms_mean"], row["vote_accuracy"], bounds, color=look.colour, capsize=2,
-            marker=look.marker, markersize=8, markeredgecolor="black" if row["chosen"] else None,
-            markerfacecolor=look.colour if row["on_frontier"] else "white",
-            label=brief(row["system"]) + (" (chosen)" if row["chosen"] else ""),
-        )  # fmt: skip
-    best = [row for row in rows if row["on_frontier"]]
-    line = sorted((row["latency_ms_mean"], row["vote_accuracy"]) for row in best)
-    axes.plot(*np.transpose(line), "k--", linewidth=0.8, drawstyle="steps-post")
-    axes.set(
-        xscale="log",
-        xlabel="ms for one sample, features included (mean over samples)",
-        ylabel="recording accuracy with Wilson's 95 % interval",
-        title="Accuracy against latency",
-    )
-    axes.yaxis.set_major_formatter(PercentFormatter(1))
-    for axis_formatter in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
-        axis_formatter(LogFormatter(minor_thresholds=(2, 0.5)))
-    axes.grid(which="both")
-    figure.legend(loc="outside right center")
-    return figure
-
-
 def print_frontier(rows: Sequence[Row], directory: Path, command: str) -> None:
     """Print one line per system, and how to train the chosen one.
 
@@ -178,7 +141,7 @@ def print_frontier(rows: Sequence[Row], directory: Path, command: str) -> None:
     table.caption = "ms: mean of one sample"
     for row in rows:
         table.add_row(
-            row["system"] + (" (chosen)" if row["chosen"] else ""),
+            row["name"] + (" (chosen)" if row["chosen"] else ""),
             f"{row['vote_accuracy']:.1%}",
             f"{100 * row['ci_low']:.1f}-{100 * row['ci_high']:.1f}",
             f"{row['latency_ms_mean']:.1f}",
@@ -189,7 +152,7 @@ def print_frontier(rows: Sequence[Row], directory: Path, command: str) -> None:
     console.print(table)
     (chosen,) = (row for row in rows if row["chosen"])
     say(
-        f"{chosen['system']} is chosen on all tested samples, so its own accuracy of "
+        f"{chosen['name']} is chosen on all tested samples, so its own accuracy of "
         f"{chosen['vote_accuracy']:.1%} is optimistic, and holds for these classes."
     )
     say(f"Train it with: {command}", wraps=False)

@@ -73,7 +73,7 @@ def _entry(system: PerturbedSystem, trials: Sequence[StabilityRow]) -> dict[str,
     """Return the entry of one system in ``results.json``."""
     rows = [trial for trial in trials if trial.system == system.name]
     entry: dict[str, Any] = {
-        "label": system.label,
+        "name": system.label,
         "kind": system.kind,
         "checkpoints": [str(fold.checkpoint) for fold in system.folds],
     }
