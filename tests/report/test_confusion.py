@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from tex_lightning.report.figures import confusion_figure
+from tex_lightning.report.figures import confusion_figure, recall_figure
 
 
 @pytest.mark.parametrize("count", [12, 69])
@@ -23,3 +23,13 @@ def test_no_name_lies_over_another(count):
             across = min(one.x1, other.x1) - max(one.x0, other.x0)
             upwards = min(one.y1, other.y1) - max(one.y0, other.y0)
             assert min(across, upwards) <= 1
+
+
+def test_bars_are_the_recall_of_each_tested_class_the_least_on_top():
+    counts = np.array([[8, 2, 0], [0, 5, 5], [0, 0, 0]])
+    (axes,) = recall_figure(counts, ["oak", "pine", "felt"], "haptic").axes
+    named = [label.get_text() for label in axes.get_yticklabels()]
+    widths = [bar.get_width() for bar in axes.patches]
+    assert dict(zip(named, widths, strict=True)) == {"oak": 0.8, "pine": 0.5}  # nothing of felt
+    assert named[-1] == "pine"
+    assert "65.0%" in axes.get_xlabel()

@@ -97,9 +97,14 @@ def test_texts_say_command_data_and_results(fused):
 def test_figures_of_the_run_folder_are_shown_as_they_are(fused):
     for name in ("haptic", "visual", "fusion"):
         (events,) = (found for key, found in runs(fused).items() if key.endswith(name))
-        (image,) = events.Images("confusion/recordings")
-        file = fused / "figures" / f"{name}_confusion.png"
-        assert image.encoded_image_string == file.read_bytes()
+        for tag, figure in (
+            ("confusion/recordings", "confusion"), ("confusion/fragments", "confusion_fragments"),
+            ("histogram/fragment accuracy by class", "classes"),
+        ):  # fmt: skip
+            (image,) = events.Images(tag)
+            file = fused / "figures" / f"{name}_{figure}.png"
+            assert image.encoded_image_string == file.read_bytes()
+        assert not any("reliability" in tag for tag in events.Tags()["images"])  # of three samples
 
 
 def test_inputs_are_shown_before_and_after_augmentation(fused):

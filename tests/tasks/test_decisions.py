@@ -25,7 +25,7 @@ def test_a_sequential_run_says_what_it_saved_and_how_far_to_believe_it(sequentia
     assert 0 < mean <= 1.5
     assert entry.get("relative_macs", 1) == pytest.approx(mean)
     assert set(entry["calibration"]) == {"ece", "brier", "nll"}
-    assert (sequential / "figures" / "haptic_calibration.png").is_file()
+    assert (sequential / "figures" / "haptic_confusion.png").is_file()
     assert 0.1 <= tl.load(sequential).card.calibration["temperature"] <= 10
 
 

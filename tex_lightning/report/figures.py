@@ -12,12 +12,14 @@ from matplotlib.ticker import PercentFormatter
 
 from tex_lightning.core.files import write_atomically
 from tex_lightning.evaluation.calibration import BINS, confidences, correct_votes
+from tex_lightning.evaluation.confusion import recall_by_class
 from tex_lightning.evaluation.outcomes import Counts, Outcome
 from tex_lightning.report.style import GUIDE, brief, styled
 
 MAX_NAMED = 30  # classes up to which counts are written in
 MAX_LABELLED = 150  # classes up to which each is named; the matrix of more is no larger
 MAX_CHARACTERS = 26  # of a class name beside a row
+MANY = 10_000  # from which a count is written in thousands
 GAMMA = 0.5  # power of the shares whose colours are seen among many that are zero
 SMALL = 5.5  # points, of the names of many classes
 
@@ -71,13 +73,39 @@ def confusion_figure(counts: Counts, classes: list[str], title: str) -> Figure:
     axes.set_yticks(range(len(names)), names)
     for row, column in [] if many else np.argwhere(counts).tolist():
         colour = "black" if shares[row, column] > 0.6 else "white"
-        cell = str(counts[row, column])
+        count = int(counts[row, column])
+        cell = str(count) if count < MANY else f"{count / 1000:.0f}k"
         axes.text(column, row, cell, ha="center", va="center", fontsize=7, color=colour)
     bar = figure.colorbar(image, ax=axes, shrink=0.6, label="share of the true class")
     bar.ax.yaxis.set_major_formatter(PercentFormatter(1))
     if many:
         axes.tick_params(labelsize=SMALL, length=0, pad=1)
     axes.set(xlabel="predicted", ylabel="true", title=title)
+    return figure
+
+
+@styled
+def recall_figure(counts: Counts, classes: list[str], title: str) -> Figure:
+    """Draw the share of correct fragments of each class that was tested, the least one on top.
+
+    Args:
+        counts: Fragments by true class (row) and predicted class.
+        classes: Names of the classes.
+        title: Above the figure.
+    """
+    recall = recall_by_class(counts)
+    order = [row for row in np.argsort(recall)[::-1].tolist() if np.isfinite(recall[row])]
+    figure = Figure(figsize=(5, 1 + 0.16 * len(order)), layout="constrained")
+    axes = figure.subplots()
+    axes.barh(range(len(order)), recall[order], height=0.7)
+    many = len(order) > MAX_NAMED
+    names = [brief(classes[row], MAX_CHARACTERS) for row in order]
+    axes.set_yticks(range(len(order)), names, fontsize=SMALL if many else None)
+    mean = counts.diagonal().sum() / max(1, counts.sum())
+    axes.axvline(mean, color=GUIDE, linestyle="--")
+    axes.set(xlim=(0, 1), ylim=(-0.6, len(order) - 0.4), title=title)
+    axes.set_xlabel(f"share of correct fragments; of all classes together {mean:.1%}")
+    axes.xaxis.set_major_formatter(PercentFormatter(1))
     return figure
 
 

@@ -14,6 +14,7 @@ from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store, Unusable, load_sample, skipped_entry
 from tex_lightning.evaluation.calibration import calibration
 from tex_lightning.evaluation.conditions import Bins, by_condition
+from tex_lightning.evaluation.confusion import fragment_counts
 from tex_lightning.evaluation.novelty import report_unknown
 from tex_lightning.evaluation.outcomes import (
     Outcome,
@@ -26,7 +27,14 @@ from tex_lightning.evaluation.outcomes import (
 from tex_lightning.inference.early_stopping import make_inference_model
 from tex_lightning.inference.engine import count_macs
 from tex_lightning.inference.prediction import warn_of_few
-from tex_lightning.report.figures import calibration_figure, confusion_figure, save_figure
+from tex_lightning.report.figures import (
+    calibration_figure,
+    confusion_figure,
+    recall_figure,
+    save_figure,
+)
+
+LEAST_CALIBRATED = 50  # samples from which a calibration is drawn
 
 
 def results_frame(
@@ -130,12 +138,19 @@ def draw_figures(
     name: str,
     directory: Path,
 ) -> None:
-    """Save confusions and calibration."""
-    counts = vote_counts(outcomes, classes)
-    title = f"{name}: {len(outcomes)} test samples"
+    """Save confusions of recordings and of fragments, recall by class, and calibration.
+
+    Calibration is drawn from 50 samples on: 15 bins of fewer say nothing.
+    """
+    samples = f"{name}: {len(outcomes)} test samples"
+    fragments = fragment_counts(outcomes, classes)
+    counted = f"{name}: {fragments.sum():,} fragments"
     figures = {
-        "confusion": confusion_figure(counts, classes, title),
-        "calibration": calibration_figure(outcomes, name),
+        "confusion": confusion_figure(vote_counts(outcomes, classes), classes, samples),
+        "confusion_fragments": confusion_figure(fragments, classes, counted),
+        "classes": recall_figure(fragments, classes, counted),
     }
+    if len(outcomes) >= LEAST_CALIBRATED:
+        figures["calibration"] = calibration_figure(outcomes, name)
     for title, figure in figures.items():
         save_figure(figure, directory / "figures" / f"{name}_{title}")
