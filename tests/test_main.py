@@ -76,6 +76,8 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(group):
     [
         # Hydra's and OmegaConf's
         (["model=hptic"], "model=hptic does not exist (did you mean haptic?)"),
+        (["model=haptic_bands"], "it is called model=band_proportions now."),
+        (["sense@model.haptic=bands"], "it is called sense=band_proportions now."),
         (["task=crossval", "crossval.only=0,1"], "Ambiguous value for argument"),
         (["seed"], "'seed' cannot be read; write key=value"),
         (["haptic=a b(.wav"], "put quotes of two kinds around a value"),

@@ -65,6 +65,21 @@ def test_the_best_fusion_stands_on_the_best_parts():
     assert fusion.model.visual == visual.model.visual
 
 
+def test_band_proportions_go_by_one_name_and_stand_in_their_tables():
+    presets = {name: composed(f"experiment={name}") for name in ("few/haptic", "best/haptic")}
+    named = composed("model=band_proportions")
+    for each in presets.values():
+        assert (each.model, each.decision) == (named.model, named.decision)
+    sound = composed("experiment=few/sound")
+    assert (sound.model.name, sound.decision.rule) == ("band_proportions", "score")
+    assert sound.model.sound.features == sound.model.haptic.features
+    swept = composed("experiment=table/haptic").hydra.sweeper
+    assert named.model.name in swept.params.model.split(",")
+    for family in ("haptic", "sound", "fusion"):
+        assert named.model.name in composed(f"frontier={family}").frontier.systems
+    assert composed("experiment=few/fusion").model.name == "fusion_band_proportions"
+
+
 # Table "allParams": learning rate, gamma, k and batch size; the last is the size of a sub-sample
 PAPER = {
     "haptic": (1e-4, 0.3, 40_000, 10, 300),

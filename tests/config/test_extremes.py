@@ -7,7 +7,7 @@ HAPTIC = ["model=haptic", *TINY]
 PHOTO = ["model=visual_tcnn", "model.visual.width=0.1", *TINY]
 FUSION = ["model=fusion_tcnn", "model.visual.width=0.1", *TINY]
 BANDS = ["model=band_proportions", "data.folds=4"]
-FRONTIER = ["task=frontier", "frontier.only=[bands]", "crossval.only=[0,1]", *TINY]
+FRONTIER = ["task=frontier", "frontier.only=[band_proportions]", "crossval.only=[0,1]", *TINY]
 STABILITY = ["task=stability", "stability.systems=[BANDS]", "stability.only=[quieter]", *TINY]
 FIT, VISUAL, FUSED = "model.haptic.fit", "model.visual.fit", "model.fusion.fit"
 

@@ -8,8 +8,11 @@ import time
 from pathlib import Path
 
 import pytest
+from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
+from tex_lightning.config import CONF, register
+from tex_lightning.config.names import as_typed
 from tex_lightning.core.run_folder import (
     find_checkpoint,
     locked_folder,
@@ -131,6 +134,28 @@ def test_a_run_folder_says_what_is_evaluated(tmp_path, bands):
     assert named("evaluate", str(part.with_name("fusion.ckpt"))) == "mine"
     assert named("export", str(tmp_path / "nothing")) == "nothing"
     assert named("export", "") == "checkpoint"
+
+
+@pytest.mark.parametrize(
+    ("given", "name"),
+    [
+        (["task=stability", "stability.systems=[RUN,b.ckpt]"], "mine+b-synthetic"),
+        (["task=stability", "stability.systems=[a,b,c,d]"], "4_systems-synthetic"),
+        (["task=frontier", "frontier=sound"], "sound-synthetic"),
+        (["task=enroll", "checkpoint=/gone/my best 2.ckpt"], "my_best_2-synthetic"),
+        (["task=export", "checkpoint=RUN/folds/0/checkpoints/haptic.ckpt"], "mine-synthetic"),
+        (["experiment=few/sound"], "band_proportions-synthetic"),
+    ],
+)
+def test_a_comparison_or_a_fold_is_not_called_after_the_default_model(tmp_path, given, name):
+    run = make(tmp_path / "run", "haptic")
+    make(run / "folds" / "0", "haptic")
+    (run / "results.json").write_text(json.dumps({"model": "mine", "networks": {"haptic": {}}}))
+    register()
+    overrides = [each.replace("RUN", str(run)) for each in given]
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        config = compose("config", as_typed(overrides), return_hydra_config=True)
+    assert Path(config.hydra.run.dir).parts[:3] == ("outputs", config.task, name)
 
 
 def test_a_former_name_is_answered_with_the_one_of_today(cli):

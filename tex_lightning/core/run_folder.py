@@ -3,6 +3,7 @@
 import errno
 import json
 import logging
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -25,7 +26,8 @@ NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
 USUAL = ("outputs", "TASK", "MODEL-DATA", "TIME")  # folders that a run makes if it is given none
 WORK = ("checkpoints", "folds", "systems", "predictions", "results.json")
 
-TRAINS = ("fit", "crossval", "frontier")  # tasks that take no checkpoint
+TRAINS = ("fit", "crossval")  # tasks that take no checkpoint
+LISTED, LONGEST = 3, 60  # systems in the name of a folder, and letters of one
 
 # Settings that change neither weights nor figures; a run may be continued with others.
 FREE_KEYS = (
@@ -122,16 +124,34 @@ def claim_folder(composed: DictConfig, values: dict[str, Any], job: "Job") -> No
 
 
 def subject(*, _root_: DictConfig) -> str:
-    """Return what a run works on, for its folder: the model, or whose checkpoint is taken."""
-    source = OmegaConf.select(_root_, "checkpoint")
-    if source is None or _root_.task in TRAINS:
-        return str(_root_.model.name)
+    """Return what a run works on, for its folder.
+
+    That are the systems of a stability test, a family of systems, whose checkpoint is taken, or
+    the configured model.
+
+    Args:
+        _root_: The whole configuration, which OmegaConf gives.
+    """
+    task, source = _root_.task, OmegaConf.select(_root_, "checkpoint")
+    if task == "stability" and (systems := OmegaConf.select(_root_, "stability.systems")):
+        names = [] if isinstance(systems, str) else [system_name(str(each)) for each in systems]
+        return "+".join(names) if 0 < len(names) <= LISTED else f"{len(names)}_systems"
+    if task == "frontier":
+        return str(OmegaConf.select(_root_, "hydra.runtime.choices.frontier"))
+    return str(_root_.model.name) if source is None or task in TRAINS else system_name(source)
+
+
+def system_name(source: str | Path) -> str:
+    """Return the model whose checkpoint it is; of a network inside a fusion its own name."""
     try:
-        file = find_checkpoint(source)
+        file = find_checkpoint(source).absolute()
         run = file.parents[1]
+        if run.parent.name == "folds":
+            run = run.parents[1]
         results = read_record(run / "results.json") if (run / "results.json").is_file() else {}
         whole = file.stem == [*results.get("networks", {"": None})][-1]
-        return str(results["model"]) if whole else file.stem
+        name = str(results["model"]) if whole else file.stem
+        return re.sub(r"[^\w.+-]+", "_", name)[:LONGEST] or "checkpoint"
     except (UserError, IndexError, KeyError, OSError):  # the task says what is wrong with it
         return "checkpoint"
 

@@ -101,7 +101,7 @@ def model_card(classifier: SurfaceClassifier, checkpoint: Path) -> str:
     """
     card, results = classifier.card, _results(checkpoint)
     entry = results.get("networks", {}).get(card.kind, {})
-    networks = {type(sense.network).__name__: None for sense in classifier.senses.values()}
+    networks = {sense.title: None for sense in classifier.senses.values()}
     context = {
         "card": card,
         "results": results,

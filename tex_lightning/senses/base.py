@@ -27,6 +27,7 @@ from tex_lightning.networks.geometry import (
     geometry_of,
     in_tiles,
 )
+from tex_lightning.networks.linear import LinearNet
 
 Change = Callable[[Tensor], Tensor]
 
@@ -72,6 +73,12 @@ class Sense(nn.Module, ABC):
     @abstractmethod
     def make_decoder(cls, decode: Mapping[str, Any]) -> Decoder:
         """Make the decoder from its settings."""
+
+    @property
+    def title(self) -> str:
+        """Name of the network in messages; a linear one is called after the features it weighs."""
+        name = type(self.network).__name__
+        return getattr(self.features, "title", name) if type(self.network) is LinearNet else name
 
     @property
     @abstractmethod
@@ -304,8 +311,8 @@ class Sense(nn.Module, ABC):
         if self.geometry is None:
             raise UserError(
                 "This needs a network whose predictions each see a window of its input, at equal "
-                f"distances along two axes, and {type(self.network).__name__} of {self.name} is "
-                "none; give another checkpoint."
+                f"distances along two axes, and {self.title} of {self.name} is none; give another "
+                "checkpoint."
             )
         return self.geometry
 

@@ -66,8 +66,8 @@ class SignalSense(Sense):
             rate = features.sampling_rate
             have = max(0, features.samples(width)) / rate if width else 0.0
             raise UserError(
-                f"The {self.what} has {have:.2f} s of movement, and {type(self.network).__name__} "
-                f"needs {features.samples(least) / rate:.2f} s for one fragment; record longer "
+                f"The {self.what} has {have:.2f} s of movement, and {self.title} needs "
+                f"{features.samples(least) / rate:.2f} s for one fragment; record longer "
                 "strokes, or train with experiment=few/haptic, which takes shorter ones."
             )
 

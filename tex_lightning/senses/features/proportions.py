@@ -8,7 +8,7 @@ frequency and a threshold, and the windows and their bands follow from the data'
 import math
 import statistics
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import scipy  # whose parts are loaded when they are used
 import torch
@@ -81,6 +81,7 @@ class BandProportions(nn.Module):
         longest: Number of the longest of them, which has the fewest frames.
     """
 
+    title: ClassVar = "band proportions"  # of the model that weighs them
     level: Tensor
     fits: Tensor
     positive: Tensor
