@@ -243,7 +243,8 @@ def run_job(composed: DictConfig) -> float | None:
     Returns:
         What a sweeper that searches is to minimise; None of a job that failed or trains nothing.
     """
-    from tex_lightning.report.sweep import FAILURE, note_failure
+    from tex_lightning.report.sweep import note_failure
+    from tex_lightning.report.trials import FAILURE
 
     job = current_job()
     swept = job.origin == "sweep"

@@ -1,16 +1,20 @@
 """What a sweep says of jobs whose results have no networks, or that failed."""
 
 import csv
+import itertools
 import json
 import pickle
 import statistics
 from pathlib import Path
 
+import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
 from tex_lightning.evaluation.outcomes import Outcome, summarise, write_outcomes
 from tex_lightning.report.sweep import SweepSummary
+from tex_lightning.report.sweep_charts import draw_sweep, key_figure
+from tex_lightning.report.trials import shown_rows, sweep_rows, sweep_table
 
 
 def job(folder: Path, task: str, results: dict | None) -> None:
@@ -75,7 +79,8 @@ def test_seeds_get_mean_and_sample_deviation_with_the_counts_of_each(tmp_path):
     assert float(row["vote_accuracy_sd"]) == pytest.approx(statistics.stdev([0.8, 0.9, 1]))
     assert row["correct"] == row["ci_low"] == ""  # the same samples three times are no thirty
     report = (tmp_path / "report.md").read_text()
-    assert report.count("HapticNet (seed=") == 3
+    assert report.count("| HapticNet |") == 1
+    assert "90.0% ± 10.0% (3 seeds)" in report
     assert "**debug=tiny shrank every budget" in report
 
 
@@ -89,9 +94,9 @@ def test_folds_are_pooled_before_seeds_and_fit_seconds_are_one_sum(tmp_path, cap
     assert [row["correct"] for row in rows[4:6]] == ["18", "16"]
     assert float(rows[6]["vote_accuracy"]) == pytest.approx(0.85)
     report = (tmp_path / "report.md").read_text()
-    lines = [line for line in report.splitlines() if "| HapticNet (seed=" in line]
-    assert len(lines) == 2
-    assert all("| 80.0 | 7 |" in line for line in lines)
+    (line,) = (line for line in report.splitlines() if "| HapticNet |" in line)
+    assert "85.0% ± 7.1% (2 seeds)" in line
+    assert "| 160.0 | 7 |" in line
     assert "85.0% ± 7.1%" in capfd.readouterr().err
 
 
@@ -110,3 +115,93 @@ def test_a_second_sweep_in_the_folder_is_refused_until_the_first_has_ended(tmp_p
     first.on_multirun_end(config)
     second.on_multirun_start(config)
     second.on_multirun_end(config)
+
+
+def trial(folder: Path, loss: float | None, accuracy: float, **swept: object) -> None:
+    """A finished job of a sweep, or one that failed."""
+    (folder / ".hydra").mkdir(parents=True)
+    overrides = [
+        "model=haptic",
+        *(f"{key.replace('__', '.')}={value}" for key, value in swept.items()),
+    ]
+    OmegaConf.save(overrides, folder / ".hydra" / "overrides.yaml")
+    (folder / "settings.json").write_text(json.dumps(dict(item.split("=") for item in overrides)))
+    if loss is None:
+        (folder / "failure.json").write_text(json.dumps({"error": "why", "overrides": overrides}))
+        return
+    entry = {
+        "vote_accuracy": accuracy, "vote_ci95": [accuracy - 0.1, min(1, accuracy + 0.1)],
+        "correct": round(100 * accuracy), "test_samples": 100, "fragment_accuracy": accuracy,
+        "latency_ms": {"median": 1.0}, "fit_seconds": 2.0, "val_loss": loss, "parameters": 7,
+    }  # fmt: skip
+    results = {
+        "model": "haptic",
+        "data": "folder",
+        "classes": ["a", "b"],
+        "networks": {"haptic": entry},
+    }
+    (folder / "results.json").write_text(json.dumps(results))
+
+
+def jobs_of(folder: Path) -> list[Path]:
+    return sorted(folder.iterdir(), key=lambda path: int(path.name))
+
+
+def test_the_best_job_is_what_the_objective_says_and_never_the_test(tmp_path):
+    for number, (loss, accuracy) in enumerate([(0.3, 0.99), (0.1, 0.7), (0.2, 0.8), (None, 0.0)]):
+        trial(tmp_path / str(number), loss, accuracy, rate=number)
+    rows = sweep_rows(jobs_of(tmp_path), searched=True)
+    table = sweep_table(rows, searched=True)
+    assert [row["best"] for row in table.rows] == ["", "best", "", ""]
+    assert [row["validation loss, the objective"] for row in table.rows] == [
+        "0.3",
+        "0.1",
+        "0.2",
+        "",
+    ]
+    assert [row["accuracy"] for row in table.rows][-1] == "failed"
+    without = sweep_table(sweep_rows(jobs_of(tmp_path), searched=False), searched=False)
+    assert not {"best", "validation loss, the objective"} & {*without.headings}
+
+
+def test_what_was_swept_stands_first_by_the_shortest_names_that_differ(tmp_path):
+    for number, (rate, seed) in enumerate([(1, 0), (1, 1), (2, 0), (2, 1)]):
+        swept = {
+            "model__haptic__fit__rate": rate,
+            "model__visual__fit__rate": 9 - rate,
+            "seed": seed,
+        }
+        trial(tmp_path / str(number), 0.1, 0.5 + number / 10, **swept)
+    rows = sweep_rows(jobs_of(tmp_path), searched=False)
+    assert len(rows) == 6
+    table = sweep_table(rows, searched=False)
+    assert table.headings[:3] == ["haptic.fit.rate", "visual.fit.rate", "job"]
+    told = [(row["haptic.fit.rate"], row["job"], row["accuracy"]) for row in table.rows]
+    assert told == [("1", "2 seeds", "55.0% ± 7.1%"), ("2", "2 seeds", "75.0% ± 7.1%")]
+
+
+def test_a_figure_over_each_swept_key_shows_lines_points_or_means(tmp_path):
+    values = itertools.product([0.001, 0.01, 0.1], ["sgd", "adam"], range(8), [0, 1])
+    for number, (rate, optimizer, layers, seed) in enumerate(values):
+        swept = {"rate": rate, "optimizer": optimizer, "layers": layers, "seed": seed}
+        trial(tmp_path / "jobs" / str(number), 0.1, 0.5 + 0.02 * layers, **swept)
+    rows = sweep_rows(jobs_of(tmp_path / "jobs"), searched=False)
+    files = draw_sweep(rows, tmp_path, searched=False)
+    assert [file.name for file in files] == [
+        "sweep_rate.png",
+        "sweep_optimizer.png",
+        "sweep_layers.png",
+    ]
+    names = {key: key for key in ("rate", "optimizer", "layers")}
+    known = shown_rows(rows)
+    rate, optimizer, layers = (key_figure(known, key, names, searched=False) for key in names)
+    assert rate.axes[0].get_xscale() == "log"
+    assert rate.axes[0].get_title() == "rate (mean over optimizer, layers)"
+    assert [text.get_text() for text in optimizer.axes[0].get_xticklabels()] == ["adam", "sgd"]
+    assert [len(axes.containers) for axes in layers.axes] == [6]  # a line for each combination
+    line = layers.axes[0].containers[0].lines[0]  # data, caps, bars
+    np.testing.assert_allclose(np.asarray(line.get_ydata(), float), 0.5 + 0.02 * np.arange(8))
+    search = sweep_rows(jobs_of(tmp_path / "jobs")[:40:2], searched=True)
+    found = key_figure(search, "layers", names, searched=True)
+    assert found.axes[0].get_ylabel() == "validation loss, the objective"
+    assert found.axes[0].get_title() == "layers (others vary too)"

@@ -6,6 +6,7 @@ import pytest
 from rich.console import Console
 
 from tex_lightning.report import sweep, table
+from tex_lightning.report.trials import sweep_table
 from tex_lightning.tasks import frontier
 
 CORRECT = {"correct": 98_765, "test_samples": 100_000, "vote_accuracy": 0.98765}
@@ -73,7 +74,8 @@ def test_sweep(printed, tmp_path):
         for job, model in enumerate(["minirocket", "fusion_fc3_tcnn"])
     ]  # fmt: skip
     lost = {"job": "17", "overrides": ["model=haptic"], "status": "A sentence that explains."}
-    sweep._print([*rows, lost], tmp_path)
+    rows.append(lost)
+    sweep._print(sweep_table(rows, searched=False), rows, tmp_path)
     text = printed()
     assert text.count("98.8% (98765/100000)") == 2
     assert "Job 17: A sentence that explains." in text

@@ -8,6 +8,7 @@ import struct
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import fmean, stdev
 from typing import Any
 
 from tex_lightning.core.files import read_rows, write_text
@@ -48,7 +49,9 @@ class System:
         variant: Settings by which it differs from other systems of the same model.
         classes: Class names in order.
         entries: Entries of ``results.json``, one for each run.
-        outcomes: Outcomes of all runs together.
+        outcomes: Outcomes of all runs together, or of those with the first seed: others test the
+            same samples.
+        seeds: Accuracy of each seed, if there are several.
     """
 
     model: str
@@ -59,6 +62,7 @@ class System:
     classes: list[str]
     entries: list[dict[str, Any]]
     outcomes: list[Outcome]
+    seeds: Sequence[float] = ()
 
     @property
     def label(self) -> str:
@@ -70,13 +74,18 @@ class System:
         return name + inside + (f" ({self.variant})" if self.variant else "")
 
     @property
+    def accuracy(self) -> float:
+        """Accuracy of the samples, or its mean over seeds."""
+        return fmean(self.seeds) if self.seeds else float(summarise(self.outcomes)["vote_accuracy"])
+
+    @property
     def tables(self) -> tuple[str, ...]:
         """Names of the paper's tables that may have it."""
         return (self.data, self.kind) if self.data in DATA_TABLES else (self.kind,)
 
 
 def read_systems(runs: Iterable[Path]) -> list[System]:
-    """Read all systems that runs have tested; those that differ in the fold alone are pooled.
+    """Read all systems that runs have tested; those that differ in fold or seed alone are one.
 
     Args:
         runs: Run folders of ``fit``, ``crossval`` or ``evaluate``; others are passed over.
@@ -102,7 +111,8 @@ def read_systems(runs: Iterable[Path]) -> list[System]:
 def _variants(runs: Sequence[Path]) -> list[str]:
     """Return what each run of one model has set differently from the others."""
     every = [run_settings(run) for run in runs]
-    keys = {key for settings in every for key in settings if not key.startswith(POOLED)}
+    alike = (*POOLED, "seed")
+    keys = {key for settings in every for key in settings if not key.startswith(alike)}
     differing = [key for key in keys if len({str(settings.get(key)) for settings in every}) > 1]
     # the same value under a longer key was taken from the shorter one
     differing.sort(key=lambda key: (key.count("."), key))
@@ -120,10 +130,17 @@ def _pool(
     key: tuple[str, ...], variant: str, members: Sequence[tuple[Path, dict[str, Any]]]
 ) -> System:
     model, kind, inside, data = key
+    by_seed: dict[Any, list[Outcome]] = {}
+    for run, _ in members:
+        outcomes = read_outcomes(run / "predictions" / f"{kind}.csv")
+        by_seed.setdefault(run_settings(run).get("seed"), []).extend(outcomes)
+    seeds = [float(summarise(outcomes)["vote_accuracy"]) for outcomes in by_seed.values()]
+    seeds = seeds if len(seeds) > 1 else []
     entries = [results["networks"][kind] for _, results in members]
-    files = [run / "predictions" / f"{kind}.csv" for run, _ in members]
-    outcomes = [outcome for file in files for outcome in read_outcomes(file)]
-    return System(model, kind, inside, data, variant, members[0][1]["classes"], entries, outcomes)
+    first = next(iter(by_seed.values()))
+    return System(
+        model, kind, inside, data, variant, members[0][1]["classes"], entries, first, seeds
+    )
 
 
 def comparison_tables(systems: Sequence[System]) -> list[Table]:
@@ -154,7 +171,7 @@ def accuracy_table(name: str, systems: Sequence[System]) -> Table:
         systems,
         key=lambda system: order.index(system.model) if system.model in order else len(order),
     )
-    best = max(systems, key=lambda system: float(summarise(system.outcomes)["vote_accuracy"]))
+    best = max(systems, key=lambda system: system.accuracy)
     paper = {row["model"]: row for row in table.get("rows", ()) if best.data in PAPER_DATA}
     data, classes = ", ".join(sorted({system.data for system in systems})), len(best.classes)
     text = f"Data: {data}, {classes} classes (chance {1 / classes:.1%})."
@@ -172,8 +189,8 @@ def _line(system: System, best: System, paper: Mapping[str, Any]) -> Row:
     return {
         "system": system.label,
         "accuracy, paper": f"{paper['vote']:g} %" if "vote" in paper else "",
-        "accuracy": counted(ours),
-        "95 % interval": "{:.1%} to {:.1%}".format(*ours["vote_ci95"]),
+        "accuracy": _accuracy(system),
+        "95 % interval": _interval(system),
         "p against the best": "best" if system is best else _against(best, system),
         "fragments, paper": f"{paper['fragment']:g} %" if "fragment" in paper else "",
         "fragments": f"{ours['fragment_accuracy']:.1%}",
@@ -181,6 +198,20 @@ def _line(system: System, best: System, paper: Mapping[str, Any]) -> Row:
         "fit s": f"{sum(entry['fit_seconds'] for entry in system.entries):.1f}",
         "parameters": f"{system.entries[0]['parameters']:,}",
     }
+
+
+def _accuracy(system: System) -> str:
+    """Return the accuracy with its counts, or the mean over seeds with its deviation."""
+    if not system.seeds:
+        return counted(summarise(system.outcomes))
+    return f"{system.accuracy:.1%} ± {stdev(system.seeds):.1%} ({len(system.seeds)} seeds)"
+
+
+def _interval(system: System) -> str:
+    """Return Wilson's interval of the counts; seeds have none, since they test the same samples."""
+    if system.seeds:
+        return ""
+    return "{:.1%} to {:.1%}".format(*summarise(system.outcomes)["vote_ci95"])
 
 
 def _against(best: System, system: System) -> str:
@@ -198,7 +229,7 @@ def _against(best: System, system: System) -> str:
 
 
 TEMPLATES = Path(__file__).parent
-FILES = ("frontier.csv", "stability.csv", "sweep.csv")
+FILES = ("frontier.csv", "stability.csv")
 NOTES = """\
 Accuracy is that of whole samples, fragments that of single positions. Intervals are Wilson's. p is
 the exact McNemar test of the row against the best one on the same samples; in brackets are the
@@ -206,7 +237,9 @@ samples that only the best row and only this row classified correctly. Milliseco
 recordings to the label on this machine; fit s is the training time of all folds of a row."""
 
 
-def write_report(directory: Path, runs: Sequence[Path] | None = None) -> None:
+def write_report(
+    directory: Path, runs: Sequence[Path] | None = None, first: Sequence[Table] = ()
+) -> None:
     """Write ``report.html``, and ``report.md`` for a sweep or a cross-validation.
 
     All figures are inside the page. Nothing is fetched, and what comes out of files is text, never
@@ -215,6 +248,7 @@ def write_report(directory: Path, runs: Sequence[Path] | None = None) -> None:
     Args:
         directory: A run folder, or that of a sweep.
         runs: Run folders of a sweep; None for a single run.
+        first: Tables before all others.
     """
     results = read_or_empty(directory / "results.json")
     folders = [directory] if runs is None else runs
@@ -227,7 +261,7 @@ def write_report(directory: Path, runs: Sequence[Path] | None = None) -> None:
         "tiny": TINY if tiny else "",
         "overrides": run_overrides(directory),
         "notes": NOTES if systems else "",
-        "tables": comparison_tables(systems) if compares else _own_tables(results),
+        "tables": [*first, *(comparison_tables(systems) if compares else _own_tables(results))],
         "figures": sorted([*directory.glob("*.png"), *directory.glob("figures/*.png")]),
         "embedded": embedded,
         "is_broad": is_broad,

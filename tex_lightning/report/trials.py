@@ -1,0 +1,203 @@
+"""Rows of a sweep: each job's networks, folds pooled, means over seeds, what was swept, the best.
+
+The best row is what the objective of a search says, the least validation loss. Where nothing was
+searched for no row is the best: that with the highest accuracy was found on the test fold.
+"""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from statistics import mean, stdev
+from typing import Any
+
+from tex_lightning.config import SILENT
+from tex_lightning.core.files import read_record
+from tex_lightning.evaluation.outcomes import wilson_interval
+from tex_lightning.report.table import FOLD_KEYS, Table, counted, run_overrides, run_settings
+
+Row = dict[str, Any]
+
+FAILURE = "failure.json"
+JOB = "job"
+LOSS = "val_loss"  # what a search minimises
+BEST = "best"  # column of the mark, and the mark
+COLUMNS = (
+    JOB, "overrides", "status", "network", "vote_accuracy", "vote_accuracy_sd", "ci_low",
+    "ci_high", "correct", "test_samples", "fragment_accuracy", "latency_ms", "fit_seconds",
+    LOSS, BEST,
+)  # fmt: skip
+KEPT = ("vote_accuracy", "correct", "test_samples", "fragment_accuracy", "fit_seconds")
+OBJECTIVE = "validation loss, the objective"
+SEARCHED = f"Best is the job with the least {OBJECTIVE}."
+NOT_SEARCHED = (
+    "No row is called the best: nothing was searched for, and the highest accuracy was found on "
+    "the test fold."
+)
+
+
+def sweep_rows(jobs: Sequence[Path], *, searched: bool) -> list[Row]:
+    """Return a row for each network of each job, then those of folds, then those of seeds.
+
+    Args:
+        jobs: Folders of the jobs.
+        searched: Whether a search chose the values, which has an objective.
+
+    Returns:
+        Cells by column; ``overrides`` is a list, ``settings`` a dict, and ``members`` the jobs that
+        a row sums up.
+    """
+    rows = [row for job in jobs for row in _of_job(job)]
+    if searched:
+        _mark_best(rows)
+    return rows + _pooled(rows)
+
+
+def _of_job(job: Path) -> list[Row]:
+    """Return a row for each network that a job tested, or one with its status."""
+    start: Row = {JOB: job.name, "overrides": run_overrides(job), "settings": run_settings(job)}
+    if (job / FAILURE).is_file():
+        failure = read_record(job / FAILURE)
+        return [{**start, "overrides": failure["overrides"], "status": failure["error"]}]
+    results = job / "results.json"
+    if not results.is_file():
+        silent = {f"task={task}" for task in SILENT} & {*start["overrides"]}
+        return [{**start, "status": "done" if silent else "not finished"}]
+    start["status"] = "done"
+    # a frontier, a profile and a test of stability have tables of their own
+    networks = read_record(results).get("networks", {})
+    return [
+        {
+            **start,
+            "network": name,
+            "ci_low": network["vote_ci95"][0],
+            "ci_high": network["vote_ci95"][1],
+            "latency_ms": network["latency_ms"]["median"],
+            LOSS: network.get(LOSS),
+            **{key: network[key] for key in KEPT},
+        }
+        for name, network in networks.items()
+        if "vote_accuracy" in network
+    ] or [start]
+
+
+def _mark_best(rows: Sequence[Row]) -> None:
+    """Mark the job whose last network, the one that was asked for, has the least loss."""
+    asked = {row[JOB]: row for row in rows}.values()
+    known = [row for row in asked if row.get(LOSS) is not None]
+    if known:
+        min(known, key=lambda row: float(row[LOSS]))[BEST] = BEST
+
+
+def _pooled(rows: Sequence[Row]) -> list[Row]:
+    """Return counts over jobs that differ in the tested fold alone, then means over seeds."""
+    tested = [row for row in rows if "vote_accuracy" in row]
+    folds, whole = [], []
+    for members in _alike(tested, FOLD_KEYS):
+        whole += members if len(members) == 1 else []
+        if len(members) > 1:
+            correct, count = (sum(row[key] for row in members) for key in KEPT[1:3])
+            low, high = wilson_interval(correct, count)
+            counts = {"correct": correct, "test_samples": count, "ci_low": low, "ci_high": high}
+            folds.append({**_over("folds", members), **counts, "vote_accuracy": correct / count})
+    seeds = []
+    for members in _alike([*whole, *folds], ("seed",)):
+        if len(members) > 1:  # they test the same samples, so no count is pooled
+            values = [row["vote_accuracy"] for row in members]
+            spread = {"vote_accuracy": mean(values), "vote_accuracy_sd": stdev(values)}
+            seeds.append({**_over("seeds", members), **spread})
+    return folds + seeds
+
+
+def _alike(rows: Sequence[Row], keys: tuple[str, ...]) -> list[list[Row]]:
+    """Return groups of rows of one network whose settings differ in ``keys`` alone."""
+    groups: dict[str, list[Row]] = {}
+    for row in rows:
+        kept = {key: value for key, value in row["settings"].items() if key not in keys}
+        groups.setdefault(json.dumps([row["network"], kept], sort_keys=True), []).append(row)
+    return list(groups.values())
+
+
+def _over(what: str, members: Sequence[Row]) -> Row:
+    shared = set.intersection(*({*row["overrides"]} for row in members))
+    losses = [row[LOSS] for row in members if row.get(LOSS) is not None]
+    return {
+        JOB: f"{len(members)} {what}",
+        "overrides": [item for item in members[0]["overrides"] if item in shared],
+        "settings": members[0]["settings"],
+        "status": "done",
+        "network": members[0]["network"],
+        "fit_seconds": sum(row["fit_seconds"] for row in members),
+        LOSS: mean(losses) if len(losses) == len(members) else None,
+        BEST: BEST if any(row.get(BEST) for row in members) else "",
+        "members": [id(row) for row in members],
+    }
+
+
+def shown_rows(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows for people: what sums up others stands at the place of the first of them."""
+    places = {id(row): place for place, row in enumerate(rows)}
+    hidden: set[int] = set()
+    for row in rows:
+        if members := row.get("members"):
+            hidden.update(members)
+            places[id(row)] = min(places[member] for member in members)
+    return sorted((row for row in rows if id(row) not in hidden), key=lambda row: places[id(row)])
+
+
+def assigned(row: Row) -> dict[str, str]:
+    """Return the values that the overrides of a row give, by key."""
+    pairs = (item.lstrip("+~").partition("=") for item in row["overrides"])
+    return {key: value for key, _, value in pairs}
+
+
+def swept_keys(rows: Sequence[Row]) -> list[str]:
+    """Return the keys whose values differ between jobs, in the order of the overrides."""
+    jobs = [assigned(row) for row in rows if "members" not in row]
+    keys = dict.fromkeys(key for values in jobs for key in values)
+    return [key for key in keys if len({values.get(key) for values in jobs}) > 1]
+
+
+def short_names(keys: Sequence[str]) -> dict[str, str]:
+    """Return the last parts of dotted keys, as many as tell them apart."""
+    names = {}
+    for key in keys:
+        parts = key.split(".")
+        tails = [".".join(parts[-n:]) for n in range(1, len(parts) + 1)]
+        alone = (t for t in tails if sum(f".{other}".endswith(f".{t}") for other in keys) == 1)
+        names[key] = next(alone, key)
+    return names
+
+
+def sweep_table(rows: Sequence[Row], *, searched: bool) -> Table:
+    """Return the table for people: what was swept first, then what came out."""
+    keys = swept_keys(rows)
+    names = short_names(keys)
+    lines = [
+        {**{names[key]: assigned(row).get(key, "") for key in keys}, **_told(row, searched)}
+        for row in shown_rows(rows)
+    ]
+    said = SEARCHED if searched else NOT_SEARCHED
+    return Table("Sweep", lines, f"{said} Of seeds: mean and standard deviation.")
+
+
+def _told(row: Row, searched: bool) -> dict[str, str]:
+    """Return what came out of a row, by heading."""
+    loss = row.get(LOSS) if searched else None
+    return {
+        JOB: row[JOB],
+        "network": row.get("network", ""),
+        "accuracy": _accuracy(row),
+        "95 % CI": f"{row['ci_low']:.1%} to {row['ci_high']:.1%}" if "ci_low" in row else "",
+        OBJECTIVE: "" if loss is None else f"{loss:.4g}",
+        "fit s": f"{row['fit_seconds']:.1f}" if "fit_seconds" in row else "",
+        BEST: row.get(BEST, ""),
+    }
+
+
+def _accuracy(row: Row) -> str:
+    """Return the accuracy of a row, or its status."""
+    if "vote_accuracy" not in row:
+        return "done" if row["status"] == "done" else "failed"
+    if "vote_accuracy_sd" in row:
+        return f"{row['vote_accuracy']:.1%} ± {row['vote_accuracy_sd']:.1%}"
+    return counted(row)
