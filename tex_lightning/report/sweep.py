@@ -24,7 +24,7 @@ from tex_lightning.report.trials import (
     COLUMNS,
     FAILURE,
     JOB,
-    OBJECTIVE,
+    LOSS,
     Row,
     assigned,
     sweep_rows,
@@ -144,9 +144,11 @@ def runs_side_by_side(config: DictConfig) -> bool:
 
 def _print(table: Table, rows: Sequence[Row], directory: Path) -> None:
     """Print a line for each row that is shown, failures, and where the files are."""
-    right = ("accuracy", "95 % CI", OBJECTIVE, "fit s", BEST)
-    shown = [name for name in table.headings if name not in right]
-    figures = [name for name in table.headings if name in right]
+    right = ("accuracy", "95 % CI", LOSS, "fit s", BEST)
+    one = len({row["network"] for row in rows if "network" in row}) == 1
+    headings = [name for name in table.headings if not (one and name == "network")]
+    shown = [name for name in headings if name not in right]
+    figures = [name for name in headings if name in right]
     screen = make_table("sweep", shown, figures)
     for row in table.rows:
         screen.add_row(*(row.get(name, "") for name in (*shown, *figures)))

@@ -18,9 +18,9 @@ from tex_lightning.report.trials import (
     BEST,
     JOB,
     LOSS,
-    OBJECTIVE,
     Row,
     assigned,
+    short,
     short_names,
     shown_rows,
     swept_keys,
@@ -29,6 +29,7 @@ from tex_lightning.report.trials import (
 MAX_LINES = 6  # combinations of the other keys that have a line each; else they are averaged
 MAX_FIGURES = 12
 WIDE = 30  # ratio of the largest to the smallest value from which on the axis is logarithmic
+OBJECTIVE = f"{LOSS}, the objective"
 TURNED = 24  # characters of all values together, from which on they are written upwards
 
 
@@ -162,7 +163,7 @@ def _place(axes: Axes, order: Sequence[str]) -> dict[str, float]:
     if least > 0 and most / least >= WIDE:
         axes.set_xscale("log")
     if len(order) <= 8:
-        axes.set_xticks([*places.values()], [*places])
+        axes.set_xticks([*places.values()], [*map(short, places)])
         axes.xaxis.set_minor_formatter(NullFormatter())
     return places
 

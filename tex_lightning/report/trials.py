@@ -20,6 +20,7 @@ Row = dict[str, Any]
 FAILURE = "failure.json"
 JOB = "job"
 LOSS = "val_loss"  # what a search minimises
+LONG = 8  # characters from which on a number is shortened
 BEST = "best"  # column of the mark, and the mark
 COLUMNS = (
     JOB, "overrides", "status", "network", "vote_accuracy", "vote_accuracy_sd", "ci_low",
@@ -27,8 +28,7 @@ COLUMNS = (
     LOSS, BEST,
 )  # fmt: skip
 KEPT = ("vote_accuracy", "correct", "test_samples", "fragment_accuracy", "fit_seconds")
-OBJECTIVE = "validation loss, the objective"
-SEARCHED = f"Best is the job with the least {OBJECTIVE}."
+SEARCHED = f"Best is the job with the least {LOSS}, the objective of the search."
 NOT_SEARCHED = (
     "No row is called the best: nothing was searched for, and the highest accuracy was found on "
     "the test fold."
@@ -173,11 +173,19 @@ def sweep_table(rows: Sequence[Row], *, searched: bool) -> Table:
     keys = swept_keys(rows)
     names = short_names(keys)
     lines = [
-        {**{names[key]: assigned(row).get(key, "") for key in keys}, **_told(row, searched)}
+        {**{names[key]: short(assigned(row).get(key, "")) for key in keys}, **_told(row, searched)}
         for row in shown_rows(rows)
     ]
     said = SEARCHED if searched else NOT_SEARCHED
     return Table("Sweep", lines, f"{said} Of seeds: mean and standard deviation.")
+
+
+def short(value: str) -> str:
+    """Return a number of many digits with four."""
+    try:
+        return value if len(value) < LONG else f"{float(value):.4g}"
+    except ValueError:
+        return value
 
 
 def _told(row: Row, searched: bool) -> dict[str, str]:
@@ -187,8 +195,8 @@ def _told(row: Row, searched: bool) -> dict[str, str]:
         JOB: row[JOB],
         "network": row.get("network", ""),
         "accuracy": _accuracy(row),
-        "95 % CI": f"{row['ci_low']:.1%} to {row['ci_high']:.1%}" if "ci_low" in row else "",
-        OBJECTIVE: "" if loss is None else f"{loss:.4g}",
+        "95 % CI": f"{100 * row['ci_low']:.1f}-{row['ci_high']:.1%}" if "ci_low" in row else "",
+        LOSS: "" if loss is None else f"{loss:.4g}",
         "fit s": f"{row['fit_seconds']:.1f}" if "fit_seconds" in row else "",
         BEST: row.get(BEST, ""),
     }
