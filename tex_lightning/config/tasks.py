@@ -11,7 +11,7 @@ SHARE = "[0, 1]"
 CHANCE = "[0, 1)"
 TASKS = (
     "fit", "crossval", "evaluate", "enroll", "predict", "stream", "record", "stability",
-    "frontier", "profile", "export", "generate",
+    "frontier", "profile", "export", "generate", "inspect",
 )  # fmt: skip
 READ_FILES = ("predict", "record", "stream")  # tasks that read files, by modality
 TRAINING = ("fit", "crossval")  # tasks that train one model

@@ -54,7 +54,7 @@ def with_defaults(task: str, data: DataConfig, model: ModelConfig, job: Job) -> 
     """
     if task == "fit" and data.test_fold is None:
         job = _without_validation(data, job)
-    reads_data = task in (*TRAINING, "frontier")
+    reads_data = task in (*TRAINING, "frontier", "inspect")
     for name in model.senses if reads_data else ():
         sense = model.sense(name)
         medium = find_class(
@@ -81,7 +81,7 @@ def _without_validation(data: DataConfig, job: Job) -> Job:
 
 def _with_real_folds(data: DataConfig, model: ModelConfig, job: Job) -> Job:
     """Set the number of folds to those that the table fixes, or at most the groups of a class."""
-    folds = count_folds(read_recordings(data, model.modalities))
+    folds = count_folds(read_recordings(data, model.modalities, least=1))
     if folds == data.folds:
         return job
     log.info(
@@ -131,7 +131,7 @@ def _own_rate(data: DataConfig, model: ModelConfig) -> float:
         for sense in senses
         if sense.decode.get("sampling_rate", "none") is None
     }
-    recordings = read_recordings(data, model.modalities)
+    recordings = read_recordings(data, model.modalities, least=1)
     rows = [row for row in recordings if row.modality in channels]
     spread = rows[:: max(1, len(rows) // LOOKED_AT)]
     looked_at = {row.path: row for row in (*{row.label: row for row in rows}.values(), *spread)}
@@ -165,7 +165,7 @@ def _level_overrides(data: DataConfig, model: ModelConfig) -> Iterator[str]:
         if sense.features.get("levels", 0) is None and rate < SLOW_RATE:
             channels, unit = (sense.decode.get(key) for key in ("channels", "time_unit"))
             decoder = SignalDecoder(rate, rate, channels and tuple(channels), unit)
-            for row in read_recordings(data, [sense.modality]).of(sense.modality):
+            for row in read_recordings(data, [sense.modality], least=1).of(sense.modality):
                 try:
                     trace = read_trace(row.path, decoder, row.sampling_rate).samples
                 except UserError:  # said later of all together, or left out by data.skip_bad

@@ -15,6 +15,7 @@ from tex_lightning.core.files import read_rows, write_text
 from tex_lightning.evaluation.comparison import mcnemar, pair
 from tex_lightning.evaluation.conditions import pool_conditions
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, summarise
+from tex_lightning.report.data_page import data_pictures, data_tables
 from tex_lightning.report.table import (
     POOLED,
     TINY,
@@ -263,6 +264,8 @@ def write_report(
         "notes": NOTES if systems else "",
         "tables": [*first, *(comparison_tables(systems) if compares else _own_tables(results))],
         "figures": sorted([*directory.glob("*.png"), *directory.glob("figures/*.png")]),
+        "data": data_tables(directory),
+        "examples": data_pictures(directory),
         "embedded": embedded,
         "is_broad": is_broad,
         "directory": directory,

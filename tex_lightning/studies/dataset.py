@@ -1,17 +1,13 @@
 """Open a data set: recordings and store, decoded and checked."""
 
 import logging
-from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
-from rich.text import Text
-
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import DataConfig, Folding
-from tex_lightning.core.console import QUIET, Screen, console
 from tex_lightning.core.progress import track
-from tex_lightning.data.decode import SignalDecoder
+from tex_lightning.data.decode import ASSUMED, SignalDecoder
 from tex_lightning.data.folds import (
     Split,
     absent_classes,
@@ -20,16 +16,13 @@ from tex_lightning.data.folds import (
     split,
     tested_part,
 )
-from tex_lightning.data.quality import MEASURES
 from tex_lightning.data.readers import read_recordings
-from tex_lightning.data.recordings import Recordings, one_name, plural
+from tex_lightning.data.recordings import Recording, Recordings, one_name
 from tex_lightning.data.store import Store, Unusable, cache_root, list_files
 from tex_lightning.errors import UserError, listed
 from tex_lightning.evaluation.conditions import Bins, condition_bins
 from tex_lightning.senses.base import Sense
 from tex_lightning.studies.leaks import as_trained, is_own, refuse_leak
-from tex_lightning.text import printable_lines
-from tex_lightning_runtime.columns import Reading
 
 MAX_KINDS, MAX_NOTES = 5, 5  # ways of reading, and notes of files, that the opening lists
 log = logging.getLogger(__name__)
@@ -81,10 +74,8 @@ class Dataset:
         pairs = [(row, sense) for sense in senses for row in rows.of(sense.modality)]
         small = {}
         for row, sense in track(pairs, "Checking"):
-            try:
-                sense.check(self.store.load(row))
-            except UserError as error:
-                small[row] = Unusable(row, f"{row.source}: {error}")
+            if unusable := self.too_small(row, sense):
+                small[row] = unusable
         skipped = (*self.skipped, *small.values())
         if skipped and not skip_bad:
             raise UserError(
@@ -97,6 +88,25 @@ class Dataset:
             log.warning("Going on without %d files:\n%s", len(skipped), files)
         known, held = self.recordings.without(small), self.unknown.without(small)
         return replace(self, recordings=known, unknown=held, skipped=skipped)
+
+    def too_small(self, row: Recording, sense: Sense) -> Unusable | None:
+        """Return why a recording gives a sense no fragment; None if it gives one."""
+        try:
+            sense.check(self.store.load(row))
+        except UserError as error:
+            return Unusable(row, f"{row.source}: {error}{self._assumed(row)}")
+        return None
+
+    def _assumed(self, row: Recording) -> str:
+        """Say of a signal whose rate nobody has given that its length depends on it."""
+        if not isinstance(self.store.decoders[row.modality], SignalDecoder):
+            return ""
+        if not self.store.reading(row).rate_from.startswith(ASSUMED):
+            return ""
+        return (
+            f" Its rate of {self.store.rate(row):,.6g} Hz is only assumed: if it is another, give "
+            "data.file_rate=HZ."
+        )
 
     def absences(self, divisions: Iterable[Folding]) -> list[str]:
         """Say in a sentence which parts are tested, or chosen on, without all classes.
@@ -227,146 +237,3 @@ def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordi
         )
     known = [label for label in recordings.classes if label not in (classes or ())]
     return recordings.in_classes(known), recordings.in_classes(classes or [])
-
-
-def show_opening(
-    data: DataConfig, dataset: Dataset, what: str, *, trains: Iterable[Folding] = ()
-) -> None:
-    """Warn of what was passed over or looks wrong; print the data and what is done with it.
-
-    Args:
-        data: Where the recordings come from.
-        dataset: All that will be trained or tested on.
-        what: Description of the training or test.
-        trains: Division of each training; without any there is only a test.
-    """
-    rows = dataset.recordings
-    modalities = list(dict.fromkeys(row.modality for row in rows))
-    divisions = list(trains)
-    warnings = [*rows.notes, *dataset.absences(divisions)]
-    for modality in modalities:
-        warnings += rate_warnings(rows.of(modality), dataset.store)
-        warnings += reading_notes(rows.of(modality), dataset.store)
-    for text in warnings:
-        log.warning("%s", text)
-    if Screen.verbose == QUIET:
-        return
-
-    def show(title: str, text: str, *, whole: bool = False) -> None:
-        line = Text(f"{title:<8} {printable_lines(text)}")
-        console.print(line, no_wrap=not whole, overflow=None if whole else "ellipsis")
-
-    show("Data", f"{data.name} {data.manifest or data.root or ''}")
-    show("Classes", f"{len(rows.classes)}: {', '.join(rows.classes)}")
-    for modality in modalities:
-        signals, title = rows.of(modality), plural(modality).partition(" ")[0].capitalize()
-        decoder, counts = dataset.store.decoders[modality], Counter(row.label for row in signals)
-        sizes = [dataset.store.extent(row) for row in signals]
-        size = _spread(sizes, decoder.unit, decoder.precision)
-        show(title, f"{len(signals)}; {size}; {_spread([*counts.values()], '', 'd')} of a class")
-        for text in readings(signals, dataset.store):
-            show("Reads", text, whole=True)
-    if divisions:
-        show("Folds", _folds(divisions))
-    show("Trains" if divisions else "Tests", what)
-
-
-def _folds(divisions: Sequence[Folding]) -> str:
-    """Say how recordings are divided for one training, or for several in turn."""
-    by, count = divisions[0], divisions[0].folds
-    tests = [division for division in divisions if division.withholds]
-    if not tests:
-        but = "" if by.val_fold is None else f" but fold {by.val_fold}, which chooses the epoch"
-        return f"{count}; all are trained on{but}, and nothing is tested"
-    if len(tests) < len(divisions):
-        return f"{_folds(tests)}; then all are trained on"
-    if len(tests) > 1:
-        return f"{count}, of which {len(tests)} are tested, one after the other"
-    if by.inverted and by.test_fold is not None:
-        return f"{count}, of which fold {by.test_fold} is trained on and the others are tested"
-    chosen = "" if by.val_fold is None else f", and fold {by.val_fold} chooses the epoch"
-    return f"{count}, of which {tested_part(by)} is tested{chosen}"
-
-
-def _spread(values: Sequence[float], unit: str, form: str) -> str:
-    """Return the smallest and the largest value in a format, once if they read alike."""
-    low, high = format(min(values), form), format(max(values), form)
-    return f"{low if low == high else f'{low} to {high}'} {unit}".rstrip()
-
-
-def rate_warnings(signals: Recordings, store: Store) -> list[str]:
-    """Warn of signals of a much lower rate than others."""
-    modality = signals.rows[0].modality
-    decoder = store.decoders[modality]
-    if not isinstance(decoder, SignalDecoder):
-        return []
-    rates = {row: store.rate(row) for row in signals}
-    highest = min(max(rates.values()), decoder.sampling_rate)
-    low = [row for row, hz in rates.items() if hz * MEASURES["rate"][0] < highest]
-    if not low:
-        return []
-    slowest = min(low, key=lambda row: rates[row])
-    return [
-        f"{len(low)} of {len(rates)} {plural(modality)} have a lower rate than the {highest:,.6g} "
-        f"Hz of others, {rates[slowest]:,.6g} Hz in {slowest.path.name}, and nothing above half of "
-        f"it: record all at one rate, or set data.sampling_rate={rates[slowest]:g}."
-    ]
-
-
-def readings(signals: Recordings, store: Store) -> list[str]:
-    """Say how files of signals were read: once for all that agree, those of most files first."""
-    if not isinstance(store.decoders[signals.rows[0].modality], SignalDecoder):
-        return []
-    rates: dict[Reading, list[float]] = defaultdict(list)
-    first: dict[Reading, str] = {}
-    for row in signals:
-        kind = replace(store.reading(row), notes=())
-        rates[kind].append(store.rate(row))
-        first.setdefault(kind, row.path.name)
-    said = []
-    for kind, values in sorted(rates.items(), key=lambda each: -len(each[1]))[:MAX_KINDS]:
-        some = "" if len(rates) == 1 else f"{len(values)} as {first[kind]}: "
-        said.append(some + kind.said(*sorted({min(values), max(values)})))
-    more = len(rates) - MAX_KINDS
-    return [*said, f"and in {more} more ways"] if more > 0 else said
-
-
-def reading_notes(signals: Recordings, store: Store) -> list[str]:
-    """Say what was skipped or filled in which file."""
-    if not isinstance(store.decoders[signals.rows[0].modality], SignalDecoder):
-        return []
-    notes = [f"{row.path}: {note}." for row in signals for note in store.reading(row).notes]
-    more = [f"And {len(notes) - MAX_NOTES} more such notes."] if len(notes) > MAX_NOTES else []
-    return notes[:MAX_NOTES] + more
-
-
-def data_facts(
-    data: DataConfig, dataset: Dataset, divisions: Sequence[Folding] = ()
-) -> dict[str, str]:
-    """Return what the data of a run are, by heading.
-
-    Args:
-        data: Where the recordings come from.
-        dataset: All that was trained or tested on.
-        divisions: Division of each training.
-    """
-    rows = dataset.recordings
-    told = {"name": data.name, "from": str(data.manifest or data.root or "")}
-    told["classes"] = f"{len(rows.classes)}: {', '.join(rows.classes)}"
-    for modality in dict.fromkeys(row.modality for row in rows):
-        signals = rows.of(modality)
-        decoder, counts = dataset.store.decoders[modality], Counter(row.label for row in signals)
-        size = _spread(
-            [dataset.store.extent(row) for row in signals], decoder.unit, decoder.precision
-        )
-        told[plural(modality)] = (
-            f"{len(signals)}; {size}; {_spread([*counts.values()], '', 'd')} of a class; "
-            f"{len({row.group_key for row in signals})} groups"
-        )
-        if read := readings(signals, dataset.store):
-            told[f"{plural(modality)} read as"] = "; ".join(read)
-    if divisions:
-        told["folds"] = _folds(divisions)
-    if dataset.skipped:
-        told["left out"] = f"{len(dataset.skipped)} files that cannot be used"
-    return {heading: text for heading, text in told.items() if text}

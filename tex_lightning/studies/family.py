@@ -18,7 +18,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
 from tex_lightning.inference.early_stopping import SEQUENTIAL
 from tex_lightning.report.table import model_label
-from tex_lightning.studies.dataset import show_opening
+from tex_lightning.studies.description import show_opening
 from tex_lightning.studies.fold import finished_fold, open_training, run_fold
 
 log = logging.getLogger(__name__)

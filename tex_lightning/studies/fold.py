@@ -37,7 +37,8 @@ from tex_lightning.learning.start import starting_classifier
 from tex_lightning.learning.train import checkpoint_of, shared_folder, train_network
 from tex_lightning.learning.trial import try_baseline, try_custom_parts, try_training
 from tex_lightning.report.board import Piece
-from tex_lightning.studies.dataset import Dataset, open_dataset, show_opening
+from tex_lightning.studies.dataset import Dataset, open_dataset
+from tex_lightning.studies.description import show_opening
 from tex_lightning.studies.evaluate_checkpoint import (
     describe_network,
     draw_figures,
@@ -120,7 +121,8 @@ def open_announced(config: Config, directory: Path, trains: Iterable[Folding]) -
     """Open the data set of one or several trainings, each with its division, and show it."""
     dataset, model = open_training(config, directory), config.model
     parts = "" if model.baseline or model.kind != FUSION else f": {', '.join(model.trained)}"
-    show_opening(config.data, dataset, f"{model.name}{parts}", trains=trains)
+    keep = directory if is_rank_zero() else None
+    show_opening(config.data, dataset, f"{model.name}{parts}", trains=trains, keep_in=keep)
     return dataset
 
 

@@ -15,7 +15,8 @@ from tex_lightning.learning.loggers import log_test, trial_settings
 from tex_lightning.report.board import Piece, shows
 from tex_lightning.report.embeddings import projector_pieces
 from tex_lightning.report.gallery import figure_pieces, pair_pieces, sample_pieces, text_pieces
-from tex_lightning.studies.dataset import Dataset, data_facts
+from tex_lightning.studies.dataset import Dataset
+from tex_lightning.studies.description import data_facts
 
 
 def log_network(

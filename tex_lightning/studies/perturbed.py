@@ -40,7 +40,8 @@ from tex_lightning.perturbations.table import (
     read_severities,
 )
 from tex_lightning.report.table import model_label, run_settings
-from tex_lightning.studies.dataset import open_test_data, show_opening
+from tex_lightning.studies.dataset import open_test_data
+from tex_lightning.studies.description import show_opening
 
 Labels = list[int | None]  # class index of each sample; None for an unusable sample
 

@@ -21,7 +21,8 @@ from tex_lightning.errors import UserError, listed
 from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.learning.enrolment import add_classes
 from tex_lightning.learning.statistics import position_features
-from tex_lightning.studies.dataset import Dataset, open_store, show_opening
+from tex_lightning.studies.dataset import Dataset, open_store
+from tex_lightning.studies.description import show_opening
 from tex_lightning.studies.evaluate_checkpoint import results_frame
 from tex_lightning.studies.leaks import digests
 

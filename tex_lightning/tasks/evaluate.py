@@ -14,7 +14,8 @@ from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.inference.prediction import check_unknown
 from tex_lightning.learning.loggers import open_loggers
 from tex_lightning.report.table import print_results
-from tex_lightning.studies.dataset import open_test_data, show_opening
+from tex_lightning.studies.dataset import open_test_data
+from tex_lightning.studies.description import show_opening
 from tex_lightning.studies.evaluate_checkpoint import (
     draw_figures,
     report_network,
@@ -40,7 +41,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     config = replace(config, data=data)
     known = "which its training left out" if data.withholds else "which its training has not seen"
     part = f"{tested_part(data)}, {known if choose else 'as asked for'}"
-    show_opening(data, dataset, f"{part}, by {config.checkpoint}")
+    show_opening(data, dataset, f"{part}, by {config.checkpoint}", keep_in=directory)
     store, samples = dataset.store, make_samples(dataset.recordings, card.modalities)
     unknown = make_samples(dataset.unknown, card.modalities)
     network, outcomes = report_network(

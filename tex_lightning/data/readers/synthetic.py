@@ -3,7 +3,7 @@
 import hashlib
 import json
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +11,10 @@ from tex_lightning import __version__
 from tex_lightning.config.data import SyntheticConfig
 from tex_lightning.core.files import partial_path, unwritable
 from tex_lightning.data.readers.folder import read_folder
-from tex_lightning.data.recordings import Recordings, plural
+from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.data.store import cache_root
 from tex_lightning.synthetic import write_folder
+from tex_lightning.synthetic.dataset import RATE
 
 SOUND = "sound"
 CLASSES = 12
@@ -45,7 +46,11 @@ class SyntheticReader:
         kinds: list[tuple[str, ...]] = [("haptic", "image")] if set(self.senses) != {SOUND} else []
         kinds += [(SOUND,)] if SOUND in self.senses else []
         rows = [row for kind in kinds for row in read_folder(self._folder(kind))]
-        return Recordings(tuple(rows))
+        return Recordings(tuple(self._with_rate(row) for row in rows))
+
+    def _with_rate(self, row: Recording) -> Recording:
+        """Return a trace with its rate, which its file does not state."""
+        return replace(row, sampling_rate=float(RATE)) if row.modality == "haptic" else row
 
     def _folder(self, modalities: tuple[str, ...]) -> Path:
         """Return the folder of the cache with these recordings, rendered there if it is missing."""

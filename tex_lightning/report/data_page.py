@@ -1,0 +1,141 @@
+"""What the data of a run are, as tables and pictures of its report."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+from tex_lightning.core.console import console
+from tex_lightning.core.files import write_bytes
+from tex_lightning.report.board import png
+from tex_lightning.report.pictures import Pixels, row_of, shaded
+from tex_lightning.report.table import Table, make_table, read_or_empty
+
+FILE = "data.json"
+FOLDER = "data"  # of the pictures
+SIZE = 176, 112  # pixels of an example
+WINDOW = 0.05  # s, of a spectrogram
+FLOOR = 1e-6  # of the largest power, which a picture shows
+ACROSS = 6  # examples in a row
+PARTS = {"train": "trained on", "val": "validate", "test": "tested"}
+MAX_LISTED = 50  # files that a table lists
+Description = dict[str, Any]
+
+
+def data_tables(directory: Path) -> list[Table]:
+    """Return what a run folder knows of its data: sizes, classes, what was left out or is odd."""
+    told = read_or_empty(directory / FILE)
+    if not told:
+        return []
+    facts = [{"": heading, "data": text} for heading, text in facts_of(told).items()]
+    tables = [
+        Table("The data", facts),
+        Table("Suspected", _suspected(told.get("findings", ()))),
+        Table("Recordings by class", _by_class(told)),
+        Table("Left out", [dict(entry) for entry in told["skipped"]][:MAX_LISTED]),
+        Table("Notes on the data", [{"note": note} for note in told["notes"]][:MAX_LISTED]),
+    ]
+    return [table for table in tables if table.rows]
+
+
+def data_pictures(directory: Path) -> list[Path]:
+    """Return the pictures of a run folder that show what its data are."""
+    return sorted((directory / FOLDER).glob("*.png"))
+
+
+def facts_of(told: Mapping[str, Any]) -> dict[str, str]:
+    """Return the facts of a description as text, by heading."""
+    facts = {"name": told["name"], "from": told["from"]}
+    facts["classes"] = f"{len(told['classes'])}: {', '.join(told['classes'])}"
+    for entry in told["recordings"].values():
+        facts[entry["called"]] = _facts(entry)
+        facts[f"{entry['called']} read as"] = "; ".join(entry.get("read", ()))
+        parts = [f"{_range(*count)} {PARTS[name]}" for name, count in entry["parts"].items()]
+        facts[f"{entry['called']} by part"] = ", ".join(parts)
+    facts["folds"] = told["folds"]
+    if told["skipped"]:
+        facts["left out"] = f"{len(told['skipped'])} files that cannot be used"
+    return {heading: text for heading, text in facts.items() if text}
+
+
+def _facts(entry: Mapping[str, Any]) -> str:
+    unit, few = entry["unit"], entry["of_class"].values()
+    said = [
+        f"{entry['files']} files",
+        f"{_range(entry['shortest'], entry['longest'])} {unit} each, {entry['total']:,.4g} in all",
+        f"{_range(min(few), max(few))} of a class",
+        f"{entry['groups']} groups",
+    ]
+    if "axes" in entry:
+        assumed = f" ({entry['assumed']} only assumed)" if entry["assumed"] else ""
+        said.append(f"{_range(*entry['axes'])} {'axis' if entry['axes'][1] == 1 else 'axes'}")
+        said.append(f"{_range(*entry['rates'])} Hz{assumed}")
+    return "; ".join(said)
+
+
+def _range(low: float, high: float) -> str:
+    one, other = (f"{float(f'{value:.4g}'):,.10g}" for value in (low, high))
+    return one if one == other else f"{one} to {other}"
+
+
+def _by_class(told: Mapping[str, Any]) -> list[dict[str, str]]:
+    entries = told["recordings"].values()
+    return [
+        {
+            "class": label,
+            **{each["called"]: str(each["of_class"].get(label, 0)) for each in entries},
+        }
+        for label in told["classes"]
+    ]
+
+
+def _suspected(findings: Sequence[Mapping[str, str]]) -> list[dict[str, str]]:
+    return [
+        {"kind": found["kind"], "what": found["text"], "files": found["files"]}
+        for found in findings[:MAX_LISTED]
+    ]
+
+
+def print_findings(findings: Sequence[Mapping[str, str]]) -> None:
+    """Print what is suspected of the data, or that nothing is."""
+    if not findings:
+        console.print("Nothing is suspected: no copy, no shared stretch, nothing clipped.")
+        return
+    table = make_table("suspected", ["kind", "what", "files"], [])
+    for cells in _suspected(findings):
+        table.add_row(*cells.values())
+    console.print(table)
+    if (more := len(findings) - MAX_LISTED) > 0:
+        console.print(f"And {more} more in results.json.")
+
+
+def example_picture(recording: npt.NDArray[Any], rate: float | None) -> Pixels:
+    """Return a small picture of a decoded recording.
+
+    Args:
+        recording: A signal (axes, samples), shown as its power in dB over time (to the right) and
+            frequency (upwards), of all axes together; or a photo (height, width, 3).
+        rate: Rate of the signal in Hz; None of a photo.
+    """
+    if rate is None:
+        side = min(recording.shape[:2])
+        return np.asarray(cv2.resize(np.asarray(recording[:side, :side]), (SIZE[1], SIZE[1]),
+                                     interpolation=cv2.INTER_AREA))  # fmt: skip
+    length = min(max(16, round(WINDOW * rate)), recording.shape[1])
+    signal = np.asarray(recording, np.float64)
+    *_, power = scipy.signal.spectrogram(signal, rate, nperseg=length, noverlap=length // 2)
+    power = power.sum(axis=0)
+    levels = np.log10(np.maximum(power, max(power.max() * FLOOR, 1e-30)))
+    picture = shaded(np.asarray(levels[::-1], np.float32))
+    return np.asarray(cv2.resize(picture, SIZE, interpolation=cv2.INTER_AREA))
+
+
+def draw_examples(
+    directory: Path, modality: str, pictures: Sequence[Pixels], captions: Sequence[str]
+) -> None:
+    """Write the examples of a modality as one picture."""
+    write_bytes(directory / FOLDER / f"{modality}.png", png(row_of(pictures, captions, ACROSS)))

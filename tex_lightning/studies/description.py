@@ -1,0 +1,289 @@
+"""What the data of a run are: described once, for the opening, the report, the loggers, a file."""
+
+import json
+import logging
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from rich.text import Text
+
+from tex_lightning.config import DataConfig, Folding
+from tex_lightning.core.console import QUIET, Screen, console
+from tex_lightning.core.files import write_text
+from tex_lightning.data.decode import ASSUMED, SignalDecoder
+from tex_lightning.data.folds import split, tested_part
+from tex_lightning.data.inspection import copies
+from tex_lightning.data.quality import MEASURES
+from tex_lightning.data.recordings import Recordings, plural
+from tex_lightning.data.store import Store, skipped_entry
+from tex_lightning.report.data_page import (
+    FILE,
+    PARTS,
+    Description,
+    draw_examples,
+    example_picture,
+    facts_of,
+)
+from tex_lightning.studies.dataset import Dataset
+from tex_lightning.text import printable_lines
+from tex_lightning_runtime.columns import Reading
+
+MAX_KINDS, MAX_NOTES = 5, 5  # ways of reading, and notes of files, that the opening lists
+MAX_EXAMPLES = 24  # classes of which an example is drawn
+log = logging.getLogger(__name__)
+
+
+def describe_data(
+    data: DataConfig, dataset: Dataset, divisions: Sequence[Folding] = ()
+) -> Description:
+    """Describe what is trained and tested on, in plain values for JSON.
+
+    Args:
+        data: Where the recordings come from.
+        dataset: All that is trained or tested on.
+        divisions: Division of each training; none of a test alone.
+
+    Returns:
+        ``name``, ``from``, ``classes``; ``recordings`` by modality, see :func:`_describe_modality`;
+        ``folds``, a phrase; ``skipped`` and ``notes``, what was left out and what looks wrong.
+    """
+    rows = dataset.recordings
+    modalities = list(dict.fromkeys(row.modality for row in rows))
+    notes = [*rows.notes, *dataset.absences(divisions)]
+    same = [*copies(rows)][:MAX_NOTES]
+    notes += [f"{each.text}: {each.files}; keep one, or give them one group." for each in same]
+    for modality in modalities:
+        signals = rows.of(modality)
+        notes += rate_warnings(signals, dataset.store)
+        notes += assumed_rate(signals, dataset.store)
+        notes += reading_notes(signals, dataset.store)
+    return {
+        "name": data.name,
+        "from": str(data.manifest or data.root or ""),
+        "classes": rows.classes,
+        "recordings": {
+            modality: _describe_modality(rows.of(modality), dataset.store, divisions)
+            for modality in modalities
+        },
+        "folds": _folds(divisions) if divisions else "",
+        "skipped": skipped_entry(dataset.skipped),
+        "notes": notes,
+    }
+
+
+def _describe_modality(
+    rows: Recordings, store: Store, divisions: Sequence[Folding]
+) -> dict[str, Any]:
+    """Describe the recordings of one modality.
+
+    Returns:
+        Their number (``files``), sizes in ``unit`` (seconds or megapixels: ``shortest``,
+        ``median``, ``longest``, ``total``), ``groups``, ``of_class``, the number of each class;
+        ``parts``, least and most recordings of each part of the divisions; of signals ``axes`` and
+        ``rates`` in Hz, each least and most, ``assumed``, how many rates nobody has given, and
+        ``read``, how files were read.
+    """
+    decoder = store.decoders[rows.rows[0].modality]
+    sizes = [store.extent(row) for row in rows]
+    told: dict[str, Any] = {
+        "called": plural(rows.rows[0].modality),
+        "files": len(rows),
+        "unit": decoder.unit,
+        "shortest": min(sizes), "median": median(sizes), "longest": max(sizes), "total": sum(sizes),
+        "groups": len({row.group_key for row in rows}),
+        "of_class": dict(Counter(row.label for row in rows)),
+        "parts": _count_parts(rows, divisions),
+    }  # fmt: skip
+    if not isinstance(decoder, SignalDecoder):
+        return told
+    axes, rates = [len(store.load(row)) for row in rows], [store.rate(row) for row in rows]
+    assumed = sum(store.reading(row).rate_from.startswith(ASSUMED) for row in rows)
+    return told | {
+        "axes": [min(axes), max(axes)],
+        "rates": [min(rates), max(rates)],
+        "assumed": assumed,
+        "read": readings(rows, store),
+    }
+
+
+def _count_parts(rows: Recordings, divisions: Sequence[Folding]) -> dict[str, list[int]]:
+    """Return least and most recordings of each part, over all divisions that test something."""
+    counted = [by for by in divisions if by.withholds] or divisions
+    parts = [split(rows, by, trains=True) for by in counted]
+    counts = {name: [len(getattr(part, name)) for part in parts] for name in PARTS}
+    return {name: [min(found), max(found)] for name, found in counts.items() if any(found)}
+
+
+def show_opening(
+    data: DataConfig,
+    dataset: Dataset,
+    what: str,
+    *,
+    trains: Iterable[Folding] = (),
+    keep_in: Path | None = None,
+) -> Description:
+    """Warn of what was passed over or looks wrong; print the data and what is done with it.
+
+    Args:
+        data: Where the recordings come from.
+        dataset: All that will be trained or tested on.
+        what: Description of the training or test; empty of neither.
+        trains: Division of each training; without any there is only a test.
+        keep_in: Run folder that gets the description and an example of each class, for its report.
+
+    Returns:
+        The description.
+    """
+    divisions = list(trains)
+    told = describe_data(data, dataset, divisions)
+    for text in told["notes"]:
+        log.warning("%s", text)
+    if keep_in is not None:
+        keep_description(told, dataset, keep_in)
+    if Screen.verbose == QUIET:
+        return told
+
+    def show(title: str, text: str, *, whole: bool = False) -> None:
+        line = Text(f"{title:<8} {printable_lines(text)}")
+        console.print(line, no_wrap=not whole, overflow=None if whole else "ellipsis")
+
+    show("Data", f"{told['name']} {told['from']}")
+    show("Classes", f"{len(told['classes'])}: {', '.join(told['classes'])}")
+    for entry in told["recordings"].values():
+        show(entry["called"].partition(" ")[0].capitalize(), _sizes(entry))
+        for text in entry.get("read", ()):
+            show("Reads", text, whole=True)
+    if divisions:
+        show("Folds", told["folds"])
+        show("Parts", _parts(told, several=len(divisions) > 1), whole=True)
+    if told["skipped"]:
+        show("Left out", f"{len(told['skipped'])} files that cannot be used")
+    if what:
+        show("Trains" if divisions else "Tests", what)
+    return told
+
+
+def keep_description(told: Description, dataset: Dataset, directory: Path) -> None:
+    """Write the description, and an example of each class, for the report."""
+    write_text(directory / FILE, json.dumps(told, indent=1))
+    for modality in told["recordings"]:
+        rows = dataset.recordings.of(modality)
+        first = {row.label: row for row in reversed(rows.rows)}
+        chosen = {label: first[label] for label in rows.classes[:MAX_EXAMPLES]}
+        rate = getattr(dataset.store.decoders[modality], "sampling_rate", None)
+        pictures = [example_picture(dataset.store.load(row), rate) for row in chosen.values()]
+        draw_examples(directory, modality, pictures, [*chosen])
+
+
+def data_facts(
+    data: DataConfig, dataset: Dataset, divisions: Sequence[Folding] = ()
+) -> dict[str, str]:
+    """Return what the data of a run are as text, by heading; arguments as of describe_data."""
+    return facts_of(describe_data(data, dataset, divisions))
+
+
+def _sizes(entry: Mapping[str, Any]) -> str:
+    """Say how many recordings there are: size, axes, and how many of a class."""
+    form = SignalDecoder.precision if "axes" in entry else ".2g"
+    size = _spread([entry["shortest"], entry["longest"]], entry["unit"], form)
+    each = _spread([*entry["of_class"].values()], "of a class", "d")
+    axes = [f"{_spread(entry['axes'], 'ax', 'd')}{'is' if entry['axes'][1] == 1 else 'es'}"
+            ] if "axes" in entry else []  # fmt: skip
+    return "; ".join([str(entry["files"]), size, *axes, each])
+
+
+def _parts(told: Description, *, several: bool) -> str:
+    """Say how many recordings of each modality are trained on, chosen and tested on."""
+    lines = []
+    for entry in told["recordings"].values():
+        counts = [
+            f"{_spread(found, '', 'd')} {PARTS[name]}" for name, found in entry["parts"].items()
+        ]
+        lines.append(f"{entry['called']}: {', '.join(counts)}")
+    return ("each time " if several else "") + "; ".join(lines)
+
+
+def _folds(divisions: Sequence[Folding]) -> str:
+    """Say how recordings are divided for one training, or for several in turn."""
+    by, count = divisions[0], divisions[0].folds
+    tests = [division for division in divisions if division.withholds]
+    if not tests:
+        but = "" if by.val_fold is None else f" but fold {by.val_fold}, which chooses the epoch"
+        return f"{count}; all are trained on{but}, and nothing is tested"
+    if len(tests) < len(divisions):
+        return f"{_folds(tests)}; then all are trained on"
+    if len(tests) > 1:
+        return f"{count}, of which {len(tests)} are tested, one after the other"
+    if by.inverted and by.test_fold is not None:
+        return f"{count}, of which fold {by.test_fold} is trained on and the others are tested"
+    chosen = "" if by.val_fold is None else f", and fold {by.val_fold} chooses the epoch"
+    return f"{count}, of which {tested_part(by)} is tested{chosen}"
+
+
+def _spread(values: Sequence[float], unit: str, form: str) -> str:
+    """Return the smallest and the largest value in a format, once if they read alike."""
+    low, high = format(min(values), form), format(max(values), form)
+    return f"{low if low == high else f'{low} to {high}'} {unit}".rstrip()
+
+
+def assumed_rate(signals: Recordings, store: Store) -> list[str]:
+    """Say that nobody has given the rate of signals, of which everything depends on it."""
+    if not isinstance(store.decoders[signals.rows[0].modality], SignalDecoder):
+        return []
+    rows = [row for row in signals if store.reading(row).rate_from.startswith(ASSUMED)]
+    if not rows:
+        return []
+    return [
+        f"The rate of {len(rows)} of {len(signals)} {plural(rows[0].modality)} is only assumed, "
+        f"{store.rate(rows[0]):,.6g} Hz: neither file nor table says it, so give data.file_rate=HZ."
+    ]
+
+
+def rate_warnings(signals: Recordings, store: Store) -> list[str]:
+    """Warn of signals of a much lower rate than others."""
+    modality = signals.rows[0].modality
+    decoder = store.decoders[modality]
+    if not isinstance(decoder, SignalDecoder):
+        return []
+    rates = {row: store.rate(row) for row in signals}
+    highest = min(max(rates.values()), decoder.sampling_rate)
+    low = [row for row, hz in rates.items() if hz * MEASURES["rate"][0] < highest]
+    if not low:
+        return []
+    slowest = min(low, key=lambda row: rates[row])
+    return [
+        f"{len(low)} of {len(rates)} {plural(modality)} have a lower rate than the {highest:,.6g} "
+        f"Hz of others, {rates[slowest]:,.6g} Hz in {slowest.path.name}, and nothing above half of "
+        f"it: record all at one rate, or set data.sampling_rate={rates[slowest]:g}."
+    ]
+
+
+def readings(signals: Recordings, store: Store) -> list[str]:
+    """Say how files of signals were read: once for all that agree, those of most files first."""
+    if not isinstance(store.decoders[signals.rows[0].modality], SignalDecoder):
+        return []
+    rates: dict[Reading, list[float]] = defaultdict(list)
+    first: dict[Reading, str] = {}
+    for row in signals:
+        kind = replace(store.reading(row), notes=())
+        rates[kind].append(store.rate(row))
+        first.setdefault(kind, row.path.name)
+    said = []
+    for kind, values in sorted(rates.items(), key=lambda each: -len(each[1]))[:MAX_KINDS]:
+        some = "" if len(rates) == 1 else f"{len(values)} as {first[kind]}: "
+        said.append(some + kind.said(*sorted({min(values), max(values)})))
+    more = len(rates) - MAX_KINDS
+    return [*said, f"and in {more} more ways"] if more > 0 else said
+
+
+def reading_notes(signals: Recordings, store: Store) -> list[str]:
+    """Say what was skipped or filled in which file."""
+    if not isinstance(store.decoders[signals.rows[0].modality], SignalDecoder):
+        return []
+    notes = [f"{row.path}: {note}." for row in signals for note in store.reading(row).notes]
+    more = [f"And {len(notes) - MAX_NOTES} more such notes."] if len(notes) > MAX_NOTES else []
+    return notes[:MAX_NOTES] + more
