@@ -88,7 +88,8 @@ def test_texts_say_command_data_and_results(fused):
     events = runs(fused)["tensorboard/5-fusion"]
     command, data, results = (words(events, tag) for tag in ("1 command", "2 data", "3 results"))
     assert "python -m tex_lightning model=fusion data=folder" in command
-    for said in ("3: alpha, beta, gamma", "30 files; 2.4 s each, 72 in all; 10 of a class", "10,000 Hz", "fold 0 is"):
+    traces = "30 files; 2.4 s each, 72 in all; 10 of a class"
+    for said in ("3: alpha, beta, gamma", traces, "10,000 Hz", "fold 0 is"):
         assert said in data
     assert "|  | haptic | visual | fusion |" in results
     assert "| correct | " in results
