@@ -40,3 +40,12 @@ def test_a_single_system_and_many_have_room_for_their_names():
         for count in (1, 12, 40)
     ]
     assert (heights[2] - heights[1]) / 28 == pytest.approx((heights[1] - heights[0]) / 11)
+
+
+def test_long_names_leave_room_for_the_figures_on_a_phone():
+    name = "FusionNet on EfficientNet-Lite, patch 112, half scale, sequential"
+    rows = [row(name, 0.9, 5, chosen=True), row("plain", 0.8, 3)]
+    (text, _) = frontier_figure(rows, "of mine", 0.5).axes[0].get_yticklabels()
+    lines = text.get_text().split("\n")
+    assert max(map(len, lines)) <= 26
+    assert " ".join(lines) == f"{name} (chosen)"

@@ -1,6 +1,7 @@
 """The chart of ``task=frontier``: accuracy of every system beside its time."""
 
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -12,7 +13,9 @@ from tex_lightning.report.style import COLOURS, brief, styled
 Row = Mapping[str, Any]  # of ``frontier.csv``, by column
 GREY = "#6b6b6b"  # of what another system beats in both
 ROW = 0.27  # inches
-LONGEST = 52  # characters of a name
+LONGEST = 70  # characters of a name
+LINE = 26  # characters of a line of it
+TALL = 1.35  # times the height of a row where names have two lines
 NEAR = 0.2  # of chance to the least accuracy
 ROOM = 1.22  # times the longest bar, for its number
 
@@ -30,11 +33,12 @@ def frontier_figure(rows: Sequence[Row], title: str, chance: float) -> Figure:
         chance: Accuracy of guessing, drawn as a line if it is not far from all.
     """
     systems = sorted(rows, key=lambda row: (-row["vote_accuracy"], row["latency_ms_mean"]))
-    figure = Figure(figsize=(7.8, 1.1 + ROW * len(systems)), layout="constrained")
+    names = [_name(row) for row in systems]
+    height = 1.1 + ROW * len(systems) * (1 if max(map(len, names)) < LINE else TALL)
+    figure = Figure(figsize=(7, height), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=(5, 4))
     for place, row in enumerate(systems):
         _draw_row(left, right, place, row)
-    names = [brief(row["name"], LONGEST) + " (chosen)" * row["chosen"] for row in systems]
     left.set_yticks(range(len(systems)), names)
     for label, row in zip(left.get_yticklabels(), systems, strict=True):
         label.set_color(_colour(row))
@@ -56,6 +60,11 @@ def frontier_figure(rows: Sequence[Row], title: str, chance: float) -> Figure:
         axes.spines[["top", "right", "left"]].set_visible(False)
     figure.suptitle(f"{title}, chance {chance:.1%}")
     return figure
+
+
+def _name(row: Row) -> str:
+    """Return the name in lines so short that a phone shows the figures beside it."""
+    return fill(brief(row["name"], LONGEST) + " (chosen)" * row["chosen"], LINE)
 
 
 def _colour(row: Row) -> str:
