@@ -64,7 +64,9 @@ def frontier_figure(rows: Sequence[Row], title: str, chance: float) -> Figure:
 
 def _name(row: Row) -> str:
     """Return the name in lines so short that a phone shows the figures beside it."""
-    return fill(brief(row["name"], LONGEST) + " (chosen)" * row["chosen"], LINE)
+    return fill(
+        brief(row["name"], LONGEST) + " (chosen)" * row["chosen"], LINE, break_on_hyphens=False
+    )
 
 
 def _colour(row: Row) -> str:

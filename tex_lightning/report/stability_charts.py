@@ -216,7 +216,7 @@ def _name_cells(
     axes.set_yticks([0.5 - row * HEIGHT for row in range(len(texts))], texts)
     axes.set_xticks(
         [column * WIDTH + STEPS / 2 for column in range(len(systems))],
-        [fill(brief(name), NAMES) for name in systems],
+        [fill(brief(name), NAMES, break_on_hyphens=False) for name in systems],
     )
     axes.tick_params(length=0)
     axes.tick_params(axis="x", top=True, labeltop=True, bottom=False, labelbottom=False)
