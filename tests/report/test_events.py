@@ -184,6 +184,16 @@ def test_errors_and_confused_pairs_can_be_seen_and_heard(fused):
     assert runs(fused)["tensorboard/2-visual"].Tags()["audio"] == []
 
 
+def test_a_crossvalidation_shows_samples_of_all_its_folds(crossvalidated):
+    outcomes = read_outcomes(crossvalidated / "predictions" / "haptic.csv")
+    tags = runs(crossvalidated)["tensorboard/1-haptic"].Tags()
+    errors = [each for each in outcomes if each.label != each.predicted]
+    shown = [tag for tag in tags["images"] if tag.startswith("worst samples/")]
+    assert len(shown) == 6  # of three in each of two folds
+    assert sum(" called " in tag for tag in shown) == len(errors)
+    assert len(tags["audio"]) >= 2
+
+
 def sides_of(tag: str) -> list[str]:
     return tag.partition("/")[2].partition(" ")[2].split(" called ")
 

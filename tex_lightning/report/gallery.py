@@ -1,18 +1,16 @@
 """Pieces of a run for its loggers: figures of the run folder, samples, and texts."""
 
 import shlex
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.data.folds import Sample
-from tex_lightning.data.store import Store
 from tex_lightning.evaluation.confusion import confused_pairs, own_pairs
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
 from tex_lightning.report.board import Picture, Sound, Words, jpeg
 from tex_lightning.report.pictures import captioned
-from tex_lightning.report.samples import ShownSample, sample_picture, show_sample, worst
+from tex_lightning.report.samples import ShownSample, sample_picture, worst
 from tex_lightning.report.table import facts, markdown, typed_overrides
 from tex_lightning.text import printable, to_markdown
 
@@ -65,32 +63,22 @@ def _table(rows: list[list[str]]) -> str:
 
 
 def sample_pieces(
-    classifier: SurfaceClassifier,
-    samples: Sequence[Sample],
-    outcomes: Sequence[Outcome],
-    store: Store,
+    look: Callable[[int], ShownSample], outcomes: Sequence[Outcome], classes: Sequence[str]
 ) -> Iterator[Picture | Sound]:
     """Yield the worst samples, and both sides of the most confused pairs with their sounds.
 
     Args:
-        classifier: The network, on its device.
-        samples: The tested samples.
-        outcomes: What became of each.
-        store: Their recordings.
+        look: Looks at the sample of an outcome, by its number.
+        outcomes: What became of all samples.
+        classes: Names of the classes.
     """
-    seen: dict[int, ShownSample] = {}
-
-    def shown(number: int) -> ShownSample:
-        if number not in seen:
-            seen[number] = show_sample(classifier, samples[number], outcomes[number], store)
-        return seen[number]
-
+    shown = cache(look)
     for place, number in enumerate(worst(outcomes, WORST), 1):
         sample = shown(number)
         yield Picture(
             f"worst samples/{place} {printable(sample.title)}", jpeg(sample_picture(sample))
         )
-    for place, pair in enumerate(confused_pairs(outcomes, classifier.card.classes)[:PAIRS], 1):
+    for place, pair in enumerate(confused_pairs(outcomes, classes)[:PAIRS], 1):
         sides = [
             shown(number)
             for number in (_of(outcomes, pair.label, pair.predicted), _of(outcomes, pair.predicted))

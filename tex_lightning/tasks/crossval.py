@@ -34,7 +34,7 @@ from tex_lightning.studies.fold import (
     run_fold,
     training_results,
 )
-from tex_lightning.studies.logged import log_network
+from tex_lightning.studies.logged import fold_pieces, log_network
 
 COUNTED = ("correct", "test_samples", "vote_accuracy", "vote_ci95")
 KEPT = ("fragment_accuracy", "vote_accuracy", "test_samples", "fit_seconds", "checkpoint")
@@ -65,7 +65,10 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     for name, entry in pooled.items():
         networks[name] = {**entry, **refitted.get(name, {})}
         loggers = open_loggers(config.logger, job.directory, name)
-        log_network(config, dataset, job.directory, loggers, networks, divisions)
+        files = {home.name: checkpoint_of(home, name) for home in folds}
+        outcomes = read_outcomes(job.directory / "predictions" / f"{name}.csv")
+        further = fold_pieces(dataset, outcomes, files)
+        log_network(config, dataset, job.directory, loggers, networks, divisions, further)
     seconds = spent + sum(results["wall_seconds"] for results in folds.values())
     results = training_results(config, dataset, networks, seconds)
     write_results(job.directory / "results.json", results)
