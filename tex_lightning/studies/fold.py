@@ -328,9 +328,9 @@ def _test_network(
         log_test(loggers, kind, plain_values(config), result)
     if not samples:
         log.info(
-            "%s: trained on all %d recordings in %.1f s.",
+            "%s: trained on %d recordings in %.1f s, and not tested.",
             classifier.card.title[0].upper() + classifier.card.title[1:],
-            len(parts.train), result["fit_seconds"],
+            sum(row.modality in modalities for row in parts.train), result["fit_seconds"],
         )  # fmt: skip
         return result
     tested = tested_part(config.data)
