@@ -164,6 +164,23 @@ def test_the_best_job_is_what_the_objective_says_and_never_the_test(tmp_path):
     assert not {"best", "val_loss"} & {*without.headings}
 
 
+def test_a_search_may_train_on_everything_that_does_not_validate(tmp_path):
+    for number, loss in enumerate((0.5, 0.2, 0.4)):
+        trial(tmp_path / str(number), loss, 0.9, lr=number)
+        file = tmp_path / str(number) / "results.json"
+        results = json.loads(file.read_text())
+        entry = results["networks"]["haptic"]
+        kept = {key: entry[key] for key in ("val_loss", "fit_seconds", "parameters")}
+        results["networks"]["haptic"] = {"test_samples": 0, **kept}
+        file.write_text(json.dumps(results))
+    rows = sweep_rows(jobs_of(tmp_path), searched=True)
+    assert [row.get("best", "") for row in rows] == ["", "best", ""]
+    table = sweep_table(rows, searched=True)
+    assert [row["accuracy"] for row in table.rows] == ["not tested"] * 3
+    assert [row["val_loss"] for row in table.rows] == ["0.5", "0.2", "0.4"]
+    assert [row["network"] for row in table.rows] == ["haptic"] * 3
+
+
 def test_what_was_swept_stands_first_by_the_shortest_names_that_differ(tmp_path):
     for number, (rate, seed) in enumerate([(1, 0), (1, 1), (2, 0), (2, 1)]):
         swept = {

@@ -2,11 +2,13 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import pytest
 import torch
 
 import tex_lightning as tl
+from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.data.store import fingerprint
 
@@ -62,6 +64,18 @@ def test_what_was_added_is_not_tested_on(three, surfaces, cli, tmp_path):
     assert tested.status == 0, tested.err
     network = json.loads((tmp_path / "0/results.json").read_text())["networks"]["haptic"]
     assert network["correct"] == network["test_samples"] == 3
+
+
+def test_a_cross_validation_of_the_old_classes_says_nothing_of_more(two, new, cli, tmp_path):
+    classifier = load_classifier(two / "checkpoints/haptic.ckpt")
+    told = {"correct": 9, "test_samples": 10, "vote_accuracy": 0.9, "vote_ci95": [0.6, 1.0]}
+    training = {**classifier.card.training, "crossval": {**told, "folds": 5}}
+    classifier.card = replace(classifier.card, training=training)
+    classifier.save(tmp_path / "known.ckpt")
+    assert tl.load(tmp_path / "known.ckpt").card.training["crossval"]["correct"] == 9
+    run = ["task=enroll", f"checkpoint={tmp_path}/known.ckpt", "data=folder", f"data.root={new}"]
+    assert cli(*run, f"hydra.run.dir={tmp_path}/run").status == 0
+    assert "crossval" not in tl.load(tmp_path / "run").card.training
 
 
 @pytest.mark.parametrize(

@@ -66,18 +66,19 @@ def _of_job(job: Path) -> list[Row]:
     # a frontier, a profile and a test of stability have tables of their own
     networks = read_record(results).get("networks", {})
     return [
-        {
-            **start,
-            "network": name,
-            "ci_low": network["vote_ci95"][0],
-            "ci_high": network["vote_ci95"][1],
-            "latency_ms": network["latency_ms"]["median"],
-            LOSS: network.get(LOSS),
-            **{key: network[key] for key in KEPT},
-        }
+        {**start, "network": name, **_of_network(network)}
         for name, network in networks.items()
-        if "vote_accuracy" in network
+        if "vote_accuracy" in network or network.get("test_samples") == 0
     ] or [start]
+
+
+def _of_network(network: dict[str, Any]) -> Row:
+    """Return what a row has of a network; one that was trained on everything has no test."""
+    row = {LOSS: network.get(LOSS), **{key: network[key] for key in KEPT if key in network}}
+    if "vote_accuracy" in network:
+        low, high = network["vote_ci95"]
+        row |= {"ci_low": low, "ci_high": high, "latency_ms": network["latency_ms"]["median"]}
+    return row
 
 
 def _mark_best(rows: Sequence[Row]) -> None:
@@ -205,7 +206,8 @@ def _told(row: Row, searched: bool) -> dict[str, str]:
 def _accuracy(row: Row) -> str:
     """Return the accuracy of a row, or its status."""
     if "vote_accuracy" not in row:
-        return "done" if row["status"] == "done" else "failed"
+        untested = "not tested" if "network" in row else "done"
+        return untested if row["status"] == "done" else "failed"
     if "vote_accuracy_sd" in row:
         return f"{row['vote_accuracy']:.1%} ± {row['vote_accuracy_sd']:.1%}"
     return counted(row)
