@@ -222,3 +222,23 @@ def test_a_figure_over_each_swept_key_shows_lines_points_or_means(tmp_path):
     found = key_figure(search, "layers", names, searched=True)
     assert found.axes[0].get_ylabel() == "val_loss, the objective"
     assert found.axes[0].get_title() == "layers (others vary too)"
+
+
+def test_a_trial_that_a_search_made_twice_is_no_second_fold_or_seed(tmp_path):
+    for number, rate in enumerate((1, 1, 2)):
+        finish(tmp_path / str(number), 0, 8)
+        settings = json.loads((tmp_path / str(number) / "settings.json").read_text())
+        (tmp_path / str(number) / "settings.json").write_text(json.dumps({**settings, "r": rate}))
+    rows = sweep_rows(jobs_of(tmp_path), searched=True)
+    assert [row["job"] for row in rows] == ["0", "1", "2"]
+
+
+def test_values_of_a_search_by_decades_are_written_without_signs_of_math(tmp_path):
+    for number in range(12):
+        trial(tmp_path / "jobs" / str(number), 0.1 * number, 0.5, rate=10.0 ** (-number / 4))
+    rows = sweep_rows(jobs_of(tmp_path / "jobs"), searched=True)
+    figure = key_figure(rows, "rate", {"rate": "rate"}, searched=True)
+    figure.draw_without_rendering()
+    texts = [text.get_text() for text in figure.axes[0].get_xticklabels()]
+    assert "0.01" in texts
+    assert not any("$" in text for text in texts)

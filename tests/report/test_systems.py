@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes
-from tex_lightning.report.page import System, _against, accuracy_table, read_systems
+from tex_lightning.report.page import NOTES, System, _against, accuracy_table, read_systems
 
 ENTRY = {"fit_seconds": 1.0, "parameters": 7}
 
@@ -77,3 +77,13 @@ def test_runs_that_test_conditions_are_pooled_as_unseen(tmp_path):
         finish(tmp_path / name, **{"data.test_where.speed": speed})
     (system,) = read_systems([tmp_path / "a", tmp_path / "b"])
     assert (system.label, len(system.outcomes)) == ("HapticNet (unseen speed)", 2)
+
+
+def test_no_row_is_called_best_and_seeds_are_not_compared_by_one_of_them():
+    one, other = make("haptic", "++-", "haptic"), make("minirocket", "+--", "haptic")
+    cells = [row["p against the top"] for row in accuracy_table("haptic", [one, other]).rows]
+    assert cells == ["top", "1 (1:0)"]
+    seeds = make("acnn", "+--", "haptic", seeds=[0.1, 0.2])
+    rows = accuracy_table("haptic", [one, seeds]).rows
+    assert {row["p against the top"] for row in rows} == {"top", "-"}
+    assert "best" not in NOTES

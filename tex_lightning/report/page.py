@@ -172,27 +172,27 @@ def accuracy_table(name: str, systems: Sequence[System]) -> Table:
         systems,
         key=lambda system: order.index(system.model) if system.model in order else len(order),
     )
-    best = max(systems, key=lambda system: system.accuracy)
-    paper = {row["model"]: row for row in table.get("rows", ()) if best.data in PAPER_DATA}
-    data, classes = ", ".join(sorted({system.data for system in systems})), len(best.classes)
+    top = max(systems, key=lambda system: system.accuracy)
+    paper = {row["model"]: row for row in table.get("rows", ()) if top.data in PAPER_DATA}
+    data, classes = ", ".join(sorted({system.data for system in systems})), len(top.classes)
     text = f"Data: {data}, {classes} classes (chance {1 / classes:.1%})."
     if paper:
         text += f" The paper's: {table['data']}."
     rows = [
-        _line(system, best, {} if system.inside else paper.get(system.model, {}))
+        _line(system, top, {} if system.inside else paper.get(system.model, {}))
         for system in ordered
     ]
     return Table(table.get("title") or f"{name.capitalize()} classification", rows, text)
 
 
-def _line(system: System, best: System, paper: Mapping[str, Any]) -> Row:
+def _line(system: System, top: System, paper: Mapping[str, Any]) -> Row:
     ours = summarise(system.outcomes)
     return {
         "system": system.label,
         "accuracy, paper": f"{paper['vote']:g} %" if "vote" in paper else "",
         "accuracy": _accuracy(system),
         "95 % interval": _interval(system),
-        "p against the best": "best" if system is best else _against(best, system),
+        "p against the top": "top" if system is top else _against(top, system),
         "fragments, paper": f"{paper['fragment']:g} %" if "fragment" in paper else "",
         "fragments": f"{ours['fragment_accuracy']:.1%}",
         "ms/sample": f"{ours['latency_ms']['median']:.1f}",
@@ -215,27 +215,30 @@ def _interval(system: System) -> str:
     return "{:.1%} to {:.1%}".format(*summarise(system.outcomes)["vote_ci95"])
 
 
-def _against(best: System, system: System) -> str:
-    """Return p of the exact McNemar test against the best row, with its counts.
+def _against(top: System, system: System) -> str:
+    """Return p of the exact McNemar test against the row of highest accuracy, with its counts.
 
     A system of fewer senses is compared on its part of each sample; a dash stands where the
-    samples are others.
+    samples are others, or where one of both has several seeds.
     """
-    pairs = pair(system.outcomes, best.outcomes)
-    if pairs is None or len(pairs) < len(best.outcomes):
+    if top.seeds or system.seeds:
+        return "-"
+    pairs = pair(system.outcomes, top.outcomes)
+    if pairs is None or len(pairs) < len(top.outcomes):
         return "-"
     _, ours, others = zip(*pairs, strict=True)
-    only_best, only_own, p_value = mcnemar(others, ours)
-    return f"{p_value:.2g} ({only_best}:{only_own})"
+    only_top, only_own, p_value = mcnemar(others, ours)
+    return f"{p_value:.2g} ({only_top}:{only_own})"
 
 
 TEMPLATES = Path(__file__).parent
 FILES = ("frontier.csv", "stability.csv")
 NOTES = """\
 Accuracy is that of whole samples, fragments that of single positions. Intervals are Wilson's. p is
-the exact McNemar test of the row against the best one on the same samples; in brackets are the
-samples that only the best row and only this row classified correctly. Milliseconds run from decoded
-recordings to the label on this machine; fit s is the training time of all folds of a row."""
+the exact McNemar test of the row against the top one, of the highest accuracy, on the same samples;
+in brackets are the samples that only the top row and only this row classified correctly.
+Milliseconds run from decoded recordings to the label on this machine; fit s is the training time of
+all folds of a row."""
 
 
 def write_report(

@@ -162,6 +162,7 @@ def _place(axes: Axes, order: Sequence[str]) -> dict[str, float]:
     least, most = min(places.values()), max(places.values())
     if least > 0 and most / least >= WIDE:
         axes.set_xscale("log")
+        axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")  # signs of math are off
     if len(order) <= 8:
         axes.set_xticks([*places.values()], [*map(short, places)])
         axes.xaxis.set_minor_formatter(NullFormatter())

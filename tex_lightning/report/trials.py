@@ -110,12 +110,16 @@ def _pooled(rows: Sequence[Row]) -> list[Row]:
 
 
 def _alike(rows: Sequence[Row], keys: tuple[str, ...]) -> list[list[Row]]:
-    """Return groups of rows of one network whose settings differ in ``keys`` alone."""
-    groups: dict[str, list[Row]] = {}
+    """Return groups of rows of one network whose settings differ in ``keys`` alone.
+
+    A trial that a search made twice differs in nothing, and is in one group once.
+    """
+    groups: dict[str, dict[str, Row]] = {}
     for row in rows:
         kept = {key: value for key, value in row["settings"].items() if key not in keys}
-        groups.setdefault(json.dumps([row["network"], kept], sort_keys=True), []).append(row)
-    return list(groups.values())
+        group = groups.setdefault(json.dumps([row["network"], kept], sort_keys=True), {})
+        group.setdefault(str([row["settings"].get(key) for key in keys[:1]]), row)
+    return [[*group.values()] for group in groups.values()]
 
 
 def _over(what: str, members: Sequence[Row]) -> Row:
