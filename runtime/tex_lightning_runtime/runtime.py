@@ -81,7 +81,7 @@ class Runtime:
         require(not absent, f"The network needs {' and '.join(self.senses)}; give {absent} too.")
         found, empty = self._run(inputs), all(each.empty for each in inputs.values())
         warnings = [warning for each in inputs.values() for warning in each.warnings]
-        judges = self.card["unknown"] is not None
+        judges, classes = self.card["unknown"] is not None, self.card["classes"]
         said: dict[str, Any] = {"label": None, "rejected": False, "probability": None}
         said |= {"confidence": None, "top_k": [], "fragments": 0, "relative_macs": 1.0}
         said |= {"warnings": warnings, "modalities": [*inputs]}
@@ -89,8 +89,10 @@ class Runtime:
             doubt, best = 1.0 if empty else UNLIKE if warnings else 0.0, int(found["label"])
             both = found["shares"], found["probabilities"]
             shares, probabilities = ((1 - doubt) * each + doubt / len(each) for each in both)
-            ranked = sorted(range(len(shares)), key=lambda i: (i != best, -shares[i], i))
-            top = [{"label": self.card["classes"][i], "share": float(shares[i])} for i in ranked]
+            by_votes = self.card["decision"]["rule"] == "vote"
+            support = shares if by_votes else probabilities  # what has decided
+            order = np.lexsort((-probabilities, -support, np.arange(len(classes)) != best))
+            top = [{"label": classes[i], "share": float(support[i])} for i in order.tolist()]
             said |= {"probability": float(probabilities[best]), "confidence": top[0]["share"]}
             said |= {"top_k": top[: self._top_k], "fragments": found["scores"].shape[1]}
             said["rejected"] = judges and bool(empty or found["unknown"])
@@ -100,7 +102,9 @@ class Runtime:
         if len(self.senses) == 1:
             del said["modalities"]
         said["latency_ms"] = round((time.perf_counter() - begin) * 1000, 3)
-        return said | ({"novelty": float(found["novelty"])} if found and judges else {})
+        said |= {"novelty": float(found["novelty"])} if found and judges else {}
+        all_of_them = zip(classes, probabilities.tolist(), strict=True) if found else ()
+        return said | {"probabilities": dict(all_of_them)}
 
     def _run(self, inputs: dict[str, Decoded]) -> dict[str, Array]:
         """Outputs of the graph by name; none if a signal is too short for one fragment."""

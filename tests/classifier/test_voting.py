@@ -8,8 +8,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.special import softmax
 
+import tex_lightning as tl
 from tex_lightning.classifier.vote import max_vote, mean_vote, random_tuples, score_vote
+from tex_lightning.data.quality import Quality
 from tex_lightning.errors import UserError
+from tex_lightning.inference.prediction import describe
 from tex_lightning.networks.linear import fit_temperature
 
 LOGITS = arrays(
@@ -104,3 +107,19 @@ def test_temperature_changes_probabilities_and_no_vote():
     assert plain.probability > flat.probability
     expected = softmax(logits.double().numpy() / 5, axis=0).mean(axis=1)
     np.testing.assert_allclose(flat.probabilities, expected)
+
+
+@pytest.mark.parametrize("rule", [max_vote, mean_vote, score_vote])
+def test_label_confidence_and_order_agree_whatever_decides(rule, bands):
+    """Of a tie, of votes that the probabilities contradict, and of a doubtful recording."""
+    card = tl.load(bands).classifier.card
+    torch.manual_seed(0)
+    for number in range(60):
+        logits = torch.randn(3, 1 + number % 7) * 10 ** (number % 3 - 1)
+        quality = Quality(("It is doubtful.",) * (number % 2), empty=False)
+        found = describe(rule(logits), card, quality, 3, 0.0)
+        shares = [each["share"] for each in found.top_k]
+        assert (found.top_k[0]["label"], shares[0]) == (found.label, found.confidence)
+        assert shares == sorted(shares, reverse=True)
+        if rule is not max_vote:
+            assert found.confidence == found.probability == max(found.probabilities.values())

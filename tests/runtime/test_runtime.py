@@ -22,7 +22,7 @@ def same(found, expected):
     assert [*found] == [*expected]
     for each in (found, expected):
         each["shares"] = [top.pop("share") for top in each["top_k"]]
-    for name in ("shares", "probability", "confidence", "novelty"):
+    for name in ("shares", "probability", "probabilities", "confidence", "novelty"):
         assert found.pop(name, None) == pytest.approx(expected.pop(name, None), abs=1e-5)
     assert found == expected
 

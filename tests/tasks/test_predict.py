@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
-from conftest import make_trace
+from conftest import CLASSES, make_trace
 
 import tex_lightning as tl
 from tex_lightning.evaluation.outcomes import read_outcomes
@@ -46,7 +46,12 @@ def test_what_a_prediction_holds(cli, surfaces, fused):
     (line,) = outcome.out.splitlines()
     prediction = json.loads(line)
     contract = {"haptic", "label", "confidence", "top_k", "fragments", "latency_ms"}
-    assert set(prediction) == contract | {"probability", "relative_macs", "warnings"}
+    assert set(prediction) == contract | {
+        "probability", "probabilities", "relative_macs", "warnings",
+    }  # fmt: skip
+    assert [*prediction["probabilities"]] == [*CLASSES]
+    assert sum(prediction["probabilities"].values()) == pytest.approx(1)
+    assert prediction["probabilities"][prediction["label"]] == prediction["probability"]
     assert prediction["warnings"] == []
     assert 0 < prediction["probability"] <= 1
     assert prediction["relative_macs"] == 1

@@ -27,6 +27,7 @@ class Vote:
         relative_macs: Arithmetic that was done, as a share of what all fragments take.
         novelty: Novelty of the sample, from 0; None if not known, or not of all senses.
         modalities: Modalities that were looked at, where that are not all; else empty.
+        by_mean: Whether the probabilities have decided, and not the shares.
     """
 
     label: int
@@ -36,15 +37,21 @@ class Vote:
     relative_macs: float = 1.0
     novelty: float | None = None
     modalities: tuple[str, ...] = ()
+    by_mean: bool = False
+
+    @property
+    def support(self) -> Tensor:
+        """What has decided (classes,): shares of the votes, or probabilities."""
+        return self.probabilities if self.by_mean else self.shares
 
     @property
     def probability(self) -> float:
         """Probability of the class that won."""
         return float(self.probabilities[self.label])
 
-    def by_mean(self) -> "Vote":
+    def deciding_by_mean(self) -> "Vote":
         """Decide the same fragments by the largest mean probability."""
-        return replace(self, label=int(self.probabilities.argmax()))
+        return replace(self, label=int(self.probabilities.argmax()), by_mean=True)
 
     def doubted(self, share: float) -> "Vote":
         """Return the vote with a ``share`` of votes and probabilities spread over all classes."""
@@ -84,7 +91,7 @@ def mean_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
 
     Fragments that are unsure count for less than those that are sure.
     """
-    return max_vote(logits, temperature).by_mean()
+    return max_vote(logits, temperature).deciding_by_mean()
 
 
 def score_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
@@ -95,7 +102,7 @@ def score_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
     """
     logits = logits.cpu()
     vote, mean = max_vote(logits, temperature), logits.double().mean(dim=1)
-    return replace(vote, probabilities=(mean / temperature).softmax(dim=0)).by_mean()
+    return replace(vote, probabilities=(mean / temperature).softmax(dim=0)).deciding_by_mean()
 
 
 def probabilities(logits: Tensor, temperature: float = 1.0) -> Tensor:

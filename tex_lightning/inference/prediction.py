@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from tex_lightning.classifier.card import LABEL, Card, least_rate
@@ -25,8 +25,10 @@ class Prediction:
         label: Name of the class, or ``unknown``; None if there is no fragment yet.
         rejected: Whether the novelty is above its threshold; None without ``decision.unknown``.
         probability: Mean probability of the label over all fragments, 0 to 1.
-        confidence: Share of the fragment votes for the label, 0 to 1.
-        top_k: ``label`` and ``share`` of the fragment votes of the best classes, the label first.
+        confidence: What decided for the label, 0 to 1: its share of the fragment votes, or by the
+            rules ``mean`` and ``score`` its probability.
+        top_k: ``label`` and ``share`` of the best classes, the label first and the others by what
+            decides: ``share`` is their confidence.
         fragments: Number of fragments.
         relative_macs: Computed MACs as a share of those of the full decision.
         warnings: Faults of the input, one sentence each.
@@ -34,6 +36,7 @@ class Prediction:
         latency_ms: Time from file or array to label in milliseconds.
         novelty: Distance to the closest class, from 0 to 2 for each sense; None without
             ``decision.unknown``, or where a sequential decision left out a sense.
+        probabilities: Mean probability of each class by name; they sum to 1.
 
     Example:
         >>> import tex_lightning as tl
@@ -53,6 +56,7 @@ class Prediction:
     modalities: tuple[str, ...]
     latency_ms: float
     novelty: float | None = None
+    probabilities: dict[str, float] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON, without those that do not apply to this sample."""
@@ -88,9 +92,11 @@ def describe(
         )
     relative_macs = round(vote.relative_macs, 6)
     vote = vote.doubted(1.0 if quality.empty else UNLIKE if quality.warnings else 0.0)
-    shares, classes = vote.shares.tolist(), card.classes
-    # the label first whatever the tie, then the others by votes, then by their place
-    ranked = sorted(range(len(classes)), key=lambda i: (i != vote.label, -shares[i], i))
+    support, probable, classes = vote.support.tolist(), vote.probabilities.tolist(), card.classes
+    # the label first whatever the tie, then the others by what decides, then as ties are broken
+    ranked = sorted(
+        range(len(classes)), key=lambda i: (i != vote.label, -support[i], -probable[i], i)
+    )
     novelty, unknown = None, None
     if threshold is not None:
         novelty = vote.novelty
@@ -99,14 +105,15 @@ def describe(
         label=LABEL if unknown else classes[vote.label],
         rejected=unknown,
         probability=vote.probability,
-        confidence=shares[vote.label],
-        top_k=tuple({"label": classes[i], "share": shares[i]} for i in ranked[:top_k]),
+        confidence=support[vote.label],
+        top_k=tuple({"label": classes[i], "share": support[i]} for i in ranked[:top_k]),
         fragments=len(vote.fragments),
         relative_macs=relative_macs,
         warnings=warnings,
         modalities=tuple(modalities),
         latency_ms=milliseconds,
         novelty=novelty,
+        probabilities=dict(zip(classes, probable, strict=True)),
     )
 
 

@@ -156,19 +156,23 @@ function describe(card, vote, found) {
   const doubt = empty ? 1 : warnings.length ? UNLIKE : 0;
   const shares = doubted(vote.shares, doubt);
   const probabilities = doubted(vote.probabilities, doubt);
+  const support = card.decision.rule === "vote" ? shares : probabilities; // what has decided
   const unknown = card.unknown !== null && (empty || vote.unknown);
   const first = (i) => (i === vote.label ? 0 : 1);
   const order = [...card.classes.keys()].sort(
     (a, b) =>
-      first(a) - first(b) || shares[b] - shares[a] || probabilities[b] - probabilities[a] || a - b,
+      first(a) - first(b) || support[b] - support[a] || probabilities[b] - probabilities[a] || a - b,
   );
   return {
     label: unknown ? "unknown" : card.classes[vote.label],
     rejected: unknown,
     best: card.classes[vote.label],
     probability: probabilities[vote.label],
-    confidence: shares[vote.label],
-    top: order.map((i) => ({ label: card.classes[i], share: shares[i], probability: probabilities[i] })),
+    confidence: support[vote.label],
+    votes: shares[vote.label],
+    top: order.map((i) => ({
+      label: card.classes[i], share: support[i], votes: shares[i], probability: probabilities[i],
+    })),
     fragments: vote.fragments,
     novelty: vote.novelty,
     warnings,

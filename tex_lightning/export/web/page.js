@@ -128,15 +128,15 @@ class Page {
     element("how").textContent = sentence(result, percent);
     element("warnings").replaceChildren(...result.warnings.map((text) => tagged("li", text)));
     element("classes").tBodies[0].replaceChildren(
-      ...result.top.slice(0, SHOWN).map(({ label, share, probability }) => {
+      ...result.top.slice(0, SHOWN).map(({ label, votes, probability }) => {
         const row = document.createElement("tr");
         const head = document.createElement("th");
         head.scope = "row";
         const bar = document.createElement("progress");
-        bar.value = share;
+        bar.value = votes;
         bar.setAttribute("aria-hidden", "true"); // the number stands beside it
         head.append(...breakable(label), bar);
-        row.append(head, tagged("td", percent(share)), tagged("td", percent(probability)));
+        row.append(head, tagged("td", percent(votes)), tagged("td", percent(probability)));
         return row;
       }),
     );
@@ -149,7 +149,7 @@ class Page {
 }
 
 function sentence(result, percent) {
-  const share = `${percent(result.confidence)} of the votes, mean probability ${percent(result.probability)}`;
+  const share = `${percent(result.votes)} of the votes, mean probability ${percent(result.probability)}`;
   if (result.label === "unknown") {
     return `Unlike every class of the training; the closest is ${result.best} (${share}).`;
   }
