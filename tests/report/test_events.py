@@ -189,7 +189,7 @@ def test_a_crossvalidation_shows_samples_of_all_its_folds(crossvalidated):
     tags = runs(crossvalidated)["tensorboard/1-haptic"].Tags()
     errors = [each for each in outcomes if each.label != each.predicted]
     shown = [tag for tag in tags["images"] if tag.startswith("worst samples/")]
-    assert len(shown) == 6  # of three in each of two folds
+    assert len(shown) == max(3, len(errors))
     assert sum(" called " in tag for tag in shown) == len(errors)
     assert len(tags["audio"]) >= 2
 

@@ -1,6 +1,7 @@
 """Mean embeddings of recordings for TensorBoard's projector, with a thumbnail of each."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
 import cv2
@@ -13,16 +14,19 @@ from tex_lightning.core.devices import computing_threads
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store, load_recording
+from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.report.board import Pixels, Points
 from tex_lightning.report.pictures import shaded
 from tex_lightning.senses.base import Sense
+from tex_lightning.senses.signal import SignalSense
 from tex_lightning.text import printable
 
 MAX_POINTS = 300  # recordings of each part, evenly chosen
 MAX_DIMENSIONS = 256  # beyond which they are projected to as many principal components
 SIDE = 48  # pixels of a thumbnail
 MAX_FRAMES = 300  # of a spectrogram in a thumbnail
+SECONDS = 1.0  # of a signal, from whose middle a spectrogram is made
 
 
 class _Point(NamedTuple):
@@ -116,7 +120,23 @@ def thumbnail(sense: Sense, row: Recording, store: Store) -> Pixels:
         top, left = ((length - side) // 2 for length in photo.shape[:2])
         picture: Pixels = np.ascontiguousarray(photo[top : top + side, left : left + side])
     else:
-        with torch.inference_mode():
-            x = sense(load_recording(row, store)).cpu().float()
+        x = _excerpt(sense, load_recording(row, store)).cpu().float()
         picture = shaded(x.reshape(-1, x.shape[-1])[:, :MAX_FRAMES].numpy()[::-1])
     return np.asarray(cv2.resize(picture, (SIDE, SIDE), interpolation=cv2.INTER_AREA))
+
+
+@torch.inference_mode()
+def _excerpt(sense: Sense, signal: Tensor) -> Tensor:
+    """Return the network input of a second from the middle of a signal, or of all of it.
+
+    A spectrogram of the whole takes as long as its test.
+    """
+    if isinstance(sense, SignalSense) and sense.spectrogram is not None:
+        length = round(SECONDS * sense.decoder.sampling_rate)
+        start = max(0, (signal.shape[-1] - length) // 2)
+        with suppress(UserError):  # of too little movement there
+            x: Tensor = sense(signal[..., start : start + length])
+            if x.numel():
+                return x
+    whole: Tensor = sense(signal)
+    return whole

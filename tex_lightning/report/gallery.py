@@ -14,7 +14,8 @@ from tex_lightning.report.samples import ShownSample, sample_picture, worst
 from tex_lightning.report.table import facts, markdown, typed_overrides
 from tex_lightning.text import printable, to_markdown
 
-WORST = 6  # samples
+WORST = 6  # samples, as far as there are errors
+LEAST = 3  # of which those that are right are the least sure
 PAIRS = 3
 # Tags of the figures that a test draws, by the end of their file's name.
 FIGURES = {
@@ -73,7 +74,8 @@ def sample_pieces(
         classes: Names of the classes.
     """
     shown = cache(look)
-    for place, number in enumerate(worst(outcomes, WORST), 1):
+    errors = sum(outcome.label != outcome.predicted for outcome in outcomes)
+    for place, number in enumerate(worst(outcomes, min(WORST, max(errors, LEAST))), 1):
         sample = shown(number)
         yield Picture(
             f"worst samples/{place} {printable(sample.title)}", jpeg(sample_picture(sample))

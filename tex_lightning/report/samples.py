@@ -164,9 +164,9 @@ def _sound(
 def sample_picture(shown: ShownSample) -> Pixels:
     """Return a sample as one picture: as recorded, as the network gets it, what it made of it."""
     outcome, known = shown.outcome, shown.outcome.class_probabilities
-    told = [f"{outcome.label} ({known.get(outcome.label, 0):.0%})"]
-    if outcome.label != outcome.predicted:
-        told.append(f"called {outcome.predicted} ({known.get(outcome.predicted, 0):.0%})")
+    right = outcome.label == outcome.predicted
+    called = "so" if right else f"{outcome.predicted} ({known.get(outcome.predicted, 0):.0%})"
+    told = [f"{outcome.label} ({known.get(outcome.label, 0):.0%})", f"called {called}"]
     rows: list[tuple[str, Sequence[Pixels]]] = [(line, ()) for line in told]
     for name, sense in shown.senses.items():
         heading = f"{name}: {sense.file}"
