@@ -169,11 +169,10 @@ def sample_picture(shown: ShownSample) -> Pixels:
     told = [f"{outcome.label} ({known.get(outcome.label, 0):.0%})", f"called {called}"]
     rows: list[tuple[str, Sequence[Pixels]]] = [(line, ()) for line in told]
     for name, sense in shown.senses.items():
-        heading = f"{name}: {sense.file}"
-        if sense.trace is None:
-            rows.append((heading, [sense.picture, sense.map]))
-        else:
-            rows += [(heading, [sense.trace]), ("", [sense.picture]), ("", [sense.map])]
+        pictures = [sense.picture, sense.map]
+        below = pictures if sense.trace is None else [sense.trace, *pictures]
+        rows.append((f"{name}: {sense.file}", below[:1]))
+        rows += [("", [picture]) for picture in below[1:]]  # narrow, as columns of pages are
     return captioned([*rows, (LEGEND, ())])
 
 
