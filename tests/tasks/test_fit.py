@@ -18,7 +18,8 @@ from tex_lightning.report.page import read_systems
 
 NETWORK_KEYS = {
     "fragment_accuracy", "vote_accuracy", "vote_ci95", "correct", "test_samples", "parameters",
-    "macs_per_sample", "latency_ms", "fit_seconds", "checkpoint", "calibration",
+    "macs_per_sample", "balanced_accuracy", "macro_f1", "recall", "top_k_accuracy", "latency_ms",
+    "fit_seconds", "checkpoint", "calibration",
     "val_loss",
 }  # fmt: skip
 

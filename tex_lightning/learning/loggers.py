@@ -15,6 +15,7 @@ from tex_lightning.config import flatten
 from tex_lightning.config.instantiation import build_derived, find_callable
 from tex_lightning.config.overrides import Setting, chosen_settings, swept_keys
 from tex_lightning.errors import reason
+from tex_lightning.evaluation.metrics import SCORES, figures
 from tex_lightning.learning.module import SurfaceModule
 from tex_lightning.report.board import MAX_NAME, UNUSUAL, Piece, folder_name, show
 from tex_lightning.report.table import typed_overrides
@@ -139,11 +140,9 @@ def log_test(
     if result["test_samples"]:
         low, high = result["vote_ci95"]
         metrics |= {
-            "test/fragment_accuracy": result["fragment_accuracy"],
-            "test/vote_accuracy": result["vote_accuracy"],
+            **{f"test/{name}": figure for name, figure in figures(result, SCORES).items()},
             "test/vote_ci95_low": low,
             "test/vote_ci95_high": high,
-            "test/latency_ms": result["latency_ms"]["median"],
             **{f"test/{key}": value for key, value in result["calibration"].items()},
         }
     if trial is not None:

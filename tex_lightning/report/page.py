@@ -14,6 +14,7 @@ from typing import Any
 from tex_lightning.core.files import read_rows, write_text
 from tex_lightning.evaluation.comparison import mcnemar, pair
 from tex_lightning.evaluation.conditions import pool_conditions
+from tex_lightning.evaluation.metrics import class_metrics, told
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, summarise
 from tex_lightning.report.data_page import data_pictures, data_tables
 from tex_lightning.report.table import (
@@ -186,18 +187,22 @@ def accuracy_table(name: str, systems: Sequence[System]) -> Table:
 
 
 def _line(system: System, top: System, paper: Mapping[str, Any]) -> Row:
-    ours = summarise(system.outcomes)
+    fit_seconds = sum(entry["fit_seconds"] for entry in system.entries)
+    ours = {
+        **summarise(system.outcomes),
+        **class_metrics(system.outcomes),
+        "fit_seconds": fit_seconds,
+        "parameters": system.entries[0]["parameters"],
+    }
     return {
         "system": system.label,
         "accuracy, paper": f"{paper['vote']:g} %" if "vote" in paper else "",
         "accuracy": _accuracy(system),
         "95 % interval": _interval(system),
+        **({} if system.seeds else told(ours, ("balanced_accuracy", "macro_f1"))),
         "p against the top": "top" if system is top else _against(top, system),
         "fragments, paper": f"{paper['fragment']:g} %" if "fragment" in paper else "",
-        "fragments": f"{ours['fragment_accuracy']:.1%}",
-        "ms/sample": f"{ours['latency_ms']['median']:.1f}",
-        "fit s": f"{sum(entry['fit_seconds'] for entry in system.entries):.1f}",
-        "parameters": f"{system.entries[0]['parameters']:,}",
+        **told(ours, ("fragment_accuracy", "latency_ms", "fit_seconds", "parameters")),
     }
 
 

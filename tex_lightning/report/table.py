@@ -14,6 +14,7 @@ from tex_lightning.core.files import read_record
 from tex_lightning.core.run_folder import SETTINGS
 from tex_lightning.data.recordings import natural_key
 from tex_lightning.evaluation.conditions import KEY
+from tex_lightning.evaluation.metrics import METRICS, told
 
 PAPER = Path(__file__).with_name("paper.yaml")
 TINY = "debug=tiny shrank every budget of this run: its accuracy has no meaning."
@@ -25,6 +26,8 @@ POOLED = (
 )  # fmt: skip
 OWN_SENSE = re.compile(r"\+sense@model\.(\w+)=\1$")  # which the package adds for each in a folder
 MAX_LISTED = 12  # values of a condition that a table lists; results.json has all
+
+COSTS = ("latency_ms", "fit_seconds", "parameters", "macs_per_sample")
 
 Network = Mapping[str, Any]  # an entry of results.json
 Row = Mapping[str, str]
@@ -64,25 +67,22 @@ def facts(results: Mapping[str, Any]) -> dict[str, dict[str, str]]:
         name: {
             "accuracy": "not tested",
             **_crossvalidated(network.get("crossval")),
-            "fit s": f"{network['fit_seconds']:.1f}",
-            "parameters": f"{network['parameters']:,}",
-            "MMAC/sample": _millions(network["macs_per_sample"]),
+            **told(network, COSTS[1:]),
+            **_uncounted(network),
         }
         for name, network in networks.items()
         if network.get("test_samples") == 0 and "parameters" in network
     }
     return untested or {
         name: {
-            "accuracy": f"{network['vote_accuracy']:.1%}",
+            **told(network, ("vote_accuracy",)),
             "correct": f"{network['correct']}/{network['test_samples']}",
             "95 % interval": "{:.1%} to {:.1%}".format(*network["vote_ci95"]),
             "chance": f"{1 / len(results['classes']):.1%}",
+            **told(network, ("balanced_accuracy", "macro_f1", "top_3_accuracy")),
             **_rejections(network),
-            "fragments": f"{network['fragment_accuracy']:.1%}",
-            "ms/sample": f"{network['latency_ms']['median']:.1f}",
-            "fit s": f"{network['fit_seconds']:.1f}",
-            "parameters": f"{network['parameters']:,}",
-            "MMAC/sample": _millions(network["macs_per_sample"]),
+            **told(network, ("fragment_accuracy", *COSTS)),
+            **_uncounted(network),
         }
         for name, network in networks.items()
         if "vote_accuracy" in network
@@ -94,12 +94,12 @@ def counted(entry: Mapping[str, Any]) -> str:
     return f"{entry['vote_accuracy']:.1%} ({entry['correct']}/{entry['test_samples']})"
 
 
-def _crossvalidated(told: Mapping[str, Any] | None) -> dict[str, str]:
+def _crossvalidated(pooled: Mapping[str, Any] | None) -> dict[str, str]:
     """Return what a cross-validation of the same settings gave, if there was one."""
-    if not told:
+    if not pooled:
         return {}
-    low, high = told["vote_ci95"]
-    return {"cross-validated": f"{counted(told)}, {low:.1%} to {high:.1%}"}
+    low, high = pooled["vote_ci95"]
+    return {"cross-validated": f"{counted(pooled)}, {low:.1%} to {high:.1%}"}
 
 
 def _rejections(network: Network) -> dict[str, str]:
@@ -115,8 +115,10 @@ def _rejections(network: Network) -> dict[str, str]:
     return cells
 
 
-def _millions(macs: int | None) -> str:
-    return "not counted" if macs is None else f"{macs / 1e6:,.0f}"
+def _uncounted(network: Network) -> dict[str, str]:
+    """Say it where the arithmetic is outside PyTorch."""
+    metric = METRICS["macs_per_sample"]
+    return {} if metric.of(network) is not None else {metric.heading: "not counted"}
 
 
 def markdown(headings: Sequence[str], lines: Sequence[Sequence[str]]) -> list[str]:

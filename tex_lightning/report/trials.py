@@ -12,6 +12,7 @@ from typing import Any
 
 from tex_lightning.config import SILENT
 from tex_lightning.core.files import read_record
+from tex_lightning.evaluation.metrics import SCORES, figures
 from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.report.table import FOLD_KEYS, Table, counted, run_overrides, run_settings
 
@@ -24,8 +25,8 @@ LONG = 8  # characters from which on a number is shortened
 BEST = "best"  # column of the mark, and the mark
 COLUMNS = (
     JOB, "overrides", "status", "network", "vote_accuracy", "vote_accuracy_sd", "ci_low",
-    "ci_high", "correct", "test_samples", "fragment_accuracy", "latency_ms", "fit_seconds",
-    LOSS, BEST,
+    "ci_high", "correct", "test_samples",
+    *(name for name in SCORES if name != "vote_accuracy"), LOSS, BEST,
 )  # fmt: skip
 KEPT = ("vote_accuracy", "correct", "test_samples", "fragment_accuracy", "fit_seconds")
 SEARCHED = f"Best is the job with the least {LOSS}, the objective of the search."
@@ -74,10 +75,10 @@ def _of_job(job: Path) -> list[Row]:
 
 def _of_network(network: dict[str, Any]) -> Row:
     """Return what a row has of a network; one that was trained on everything has no test."""
-    row = {LOSS: network.get(LOSS), **{key: network[key] for key in KEPT if key in network}}
+    row: Row = {LOSS: network.get(LOSS), **figures(network, (*KEPT, *SCORES))}
     if "vote_accuracy" in network:
         low, high = network["vote_ci95"]
-        row |= {"ci_low": low, "ci_high": high, "latency_ms": network["latency_ms"]["median"]}
+        row |= {"ci_low": low, "ci_high": high}
     return row
 
 
@@ -105,8 +106,14 @@ def _pooled(rows: Sequence[Row]) -> list[Row]:
         if len(members) > 1:  # they test the same samples, so no count is pooled
             values = [row["vote_accuracy"] for row in members]
             spread = {"vote_accuracy": mean(values), "vote_accuracy_sd": stdev(values)}
-            seeds.append({**_over("seeds", members), **spread})
+            seeds.append({**_means(members), **_over("seeds", members), **spread})
     return folds + seeds
+
+
+def _means(members: Sequence[Row]) -> Row:
+    """Return the mean of each score that all members have."""
+    common = [key for key in SCORES if all(key in row for row in members)]
+    return {key: mean(row[key] for row in members) for key in common}
 
 
 def _alike(rows: Sequence[Row], keys: tuple[str, ...]) -> list[list[Row]]:

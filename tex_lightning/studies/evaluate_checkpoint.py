@@ -15,6 +15,7 @@ from tex_lightning.data.store import Store, Unusable, load_sample, skipped_entry
 from tex_lightning.evaluation.calibration import calibration
 from tex_lightning.evaluation.conditions import Bins, by_condition
 from tex_lightning.evaluation.confusion import fragment_counts
+from tex_lightning.evaluation.metrics import class_metrics
 from tex_lightning.evaluation.novelty import report_unknown
 from tex_lightning.evaluation.outcomes import (
     Outcome,
@@ -126,7 +127,11 @@ def report_network(
 
 def pooled_metrics(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     """Return entries of ``results.json`` that follow from the outcomes of some folds."""
-    entry = {**summarise(outcomes), "calibration": calibration(outcomes)}
+    entry = {
+        **summarise(outcomes),
+        **class_metrics(outcomes),
+        "calibration": calibration(outcomes),
+    }
     if any(outcome.relative_macs != 1 for outcome in outcomes):  # of sequential decisions
         entry["relative_macs"] = fmean(outcome.relative_macs for outcome in outcomes)
     return entry
