@@ -72,7 +72,7 @@ def test_mixed_rates_are_told_apart_and_said_first(cli, mixed, tmp_path):
     outcome = cli("model=haptic", "data.val_fold=1", *options(mixed, tmp_path))
     assert outcome.status == 0, outcome.err
     assert entry(outcome.err, "Classes") == "3: alpha, beta, gamma"
-    assert entry(outcome.err, "Traces") == "12; 2.4 to 8 s; 4 of a class"
+    assert entry(outcome.err, "Traces") == "12; 2.4 to 8 s; 1 axis; 4 of a class"
     assert (
         entry(outcome.err, "Folds") == "4, of which fold 0 is tested, and fold 1 chooses the epoch"
     )
