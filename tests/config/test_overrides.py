@@ -30,7 +30,7 @@ def test_what_is_swept_is_a_setting_whatever_it_is():
     assert chosen_settings(["verbose=0"], ["verbose"]) == {"verbose": 0}
 
 
-def test_keys_that_a_sweep_varies_come_from_command_and_file(tmp_path):
+def test_keys_that_a_sweep_varies_come_from_command_and_file(tmp_path, monkeypatch):
     job = tmp_path / "sweep" / "deep" / "0"
     (job / ".hydra").mkdir(parents=True)
     given = ["model=haptic", "seed=1,2", "+model.haptic.width=range(1,3)", "data.hold_out=[a,b]"]
@@ -39,5 +39,10 @@ def test_keys_that_a_sweep_varies_come_from_command_and_file(tmp_path):
     hydra = {"mode": "MULTIRUN", "sweeper": {"params": {"trunk": "tcnn,vgg_m"}}}
     OmegaConf.save({"hydra": hydra}, job / ".hydra" / "hydra.yaml")
     assert swept_keys(job) == ["seed", "model.haptic.width", "trunk"]
+    (tmp_path / "sweep" / "multirun.yaml").unlink()  # as Optuna leaves none
+    monkeypatch.setattr("sys.argv", ["tex_lightning", "-m", "seed=interval(1,2)", "model=haptic"])
+    assert swept_keys(job) == ["seed", "trunk"]
+    monkeypatch.setattr("sys.argv", ["worker", "--pipe=3", "a=(("])  # of a launcher
+    assert swept_keys(job) == ["trunk"]
     OmegaConf.save({"hydra": {**hydra, "mode": "RUN"}}, job / ".hydra" / "hydra.yaml")
     assert swept_keys(job) == swept_keys(tmp_path) == []

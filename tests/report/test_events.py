@@ -13,7 +13,9 @@ from PIL import Image
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from tensorboard.plugins.projector.projector_config_pb2 import ProjectorConfig
 
-from tex_lightning.evaluation.outcomes import read_outcomes
+from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
+from tex_lightning.report.gallery import figure_pieces
+from tex_lightning.studies.evaluate_checkpoint import draw_figures
 
 
 def test_runs_sort_as_they_are_read_and_no_chart_is_called_epoch(fused):
@@ -201,3 +203,16 @@ def sides_of(tag: str) -> list[str]:
 def test_the_first_command_leaves_events_of_some_megabytes(fused):
     files = (file for file in (fused / "tensorboard").rglob("*") if file.is_file())
     assert sum(file.stat().st_size for file in files) < 5e6
+
+
+@pytest.mark.parametrize("count", [49, 50])
+def test_calibration_is_shown_of_fifty_samples(count, tmp_path):
+    known = json.dumps({"a": 0.75, "b": 0.25})
+    outcomes = [
+        Outcome({"haptic": str(n)}, "ab"[n % 2], "a", 1, 1, 1, 1.0, '{"a": 1}', 1.0, known)
+        for n in range(count)
+    ]
+    draw_figures(outcomes, ["a", "b"], "haptic", tmp_path)
+    tags = [picture.tag for picture in figure_pieces(tmp_path, "haptic")]
+    assert ("reliability/recordings" in tags) == (count == 50)
+    assert "confusion/fragments" in tags

@@ -1,11 +1,14 @@
 """What a user has chosen: the overrides of a command as settings by key."""
 
+import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
+from hydra.errors import HydraException
 from omegaconf import OmegaConf
 
 from tex_lightning.config import flatten
@@ -53,15 +56,22 @@ def swept_keys(directory: Path) -> list[str]:
     hydra: Any = OmegaConf.to_container(OmegaConf.load(record), resolve=False)
     if hydra["hydra"].get("mode") != "MULTIRUN":
         return []
-    sweeper, given = hydra["hydra"]["sweeper"], []
+    sweeper = hydra["hydra"]["sweeper"]
+    swept: list[str] = []
+    with suppress(HydraException):  # arguments of a launcher's process may be no overrides
+        parsed = _parsed(_given(directory))
+        swept = [_key(override) for override in parsed if override.is_sweep_override()]
+    named = [key for name in ("params", "search_space") for key in sweeper.get(name) or ()]
+    return list(dict.fromkeys([*swept, *named]))
+
+
+def _given(directory: Path) -> list[str]:
+    """Return the overrides of the sweep that a job belongs to; Optuna leaves no record of them."""
     for folder in directory.parents[:3]:  # hydra.sweep.subdir may have some
         if (folder / SWEEP).is_file():
             whole: Any = OmegaConf.to_container(OmegaConf.load(folder / SWEEP), resolve=False)
-            given = whole["hydra"]["overrides"]["task"]
-            break
-    swept = [_key(override) for override in _parsed(given) if override.is_sweep_override()]
-    named = [key for name in ("params", "search_space") for key in sweeper.get(name) or ()]
-    return list(dict.fromkeys([*swept, *named]))
+            return [str(item) for item in whole["hydra"]["overrides"]["task"]]
+    return [item for item in sys.argv[1:] if "=" in item and not item.startswith("-")]
 
 
 def _parsed(overrides: Iterable[str]) -> list[Override]:

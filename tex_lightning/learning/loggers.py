@@ -110,7 +110,8 @@ def event_folder(directory: Path, name: str) -> str:
     swept = {key: settings[key] for key in keys if key in settings}
     brief = [key.rpartition(".")[2] for key in swept]
     titles = brief if len({*brief}) == len(brief) else [*swept]
-    pairs = (f"{title}={value}" for title, value in zip(titles, swept.values(), strict=True))
+    values = [f"{it:.4g}" if isinstance(it, float) else str(it) for it in swept.values()]
+    pairs = (f"{title}={value}" for title, value in zip(titles, values, strict=True))
     text = " ".join([folder_name(name), *pairs])
     return UNUSUAL.sub("_", text)[:MAX_NAME].strip()
 
