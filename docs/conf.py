@@ -23,6 +23,8 @@ myst_heading_anchors = 4  # links between chapters name headings
 exclude_patterns = ["notebooks"]  # they are run as they are, and linked
 html_theme = "furo"
 html_title = "tex_lightning"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 
 autodoc_typehints = "description"
 autodoc_member_order = "bysource"

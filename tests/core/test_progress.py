@@ -100,7 +100,11 @@ def test_a_file_gets_a_line_a_minute_and_no_control_characters(file, log, monkey
     assert "Testing" not in file.getvalue()
     monkeypatch.setattr(progress, "TOLD", 0.0)
     run_folds(log)
-    assert "fold 2/2; haptic 1/2; Testing 1/3." in file.getvalue()
+    lines = file.getvalue().splitlines()
+    assert "In progress: fold 2/2; haptic 1/2; Testing 1/3." in lines
+    told = [line.split(": ")[1].rstrip(".").split("; ") for line in lines if "In prog" in line]
+    assert all(part.strip() == part != "" for parts in told for part in parts)  # each has a title
+    assert not [part for parts in told for part in parts if part[0].isdigit()]
     assert not {*file.getvalue()} & {"\r", "\x1b", "━"}
 
 

@@ -12,6 +12,7 @@ from torch import nn
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.vote import random_tuples
 from tex_lightning.config import TrainerConfig
+from tex_lightning.core.console import Screen
 from tex_lightning.data.banks import InputBank
 from tex_lightning.data.datamodule import SurfaceData, TrainingBatches
 from tex_lightning.errors import UserError
@@ -243,5 +244,18 @@ def test_a_fit_in_closed_form_takes_no_step_whatever_the_flags_say(tmp_path):
         none = {**FIT, "epochs": 0}
         trainer, *_ = make_trainer(settings, [], [], none, working, validated=False)
         assert trainer.max_epochs == 0
-    with pytest.raises(UserError, match=r"trainer\.max_epochs=three is no number"):
+    with pytest.raises(UserError, match=r"max_epochs=three is no number.* model\.b\.fit\.epochs"):
+        make_trainer(settings, [], [], FIT, working, validated=False)
+
+
+def test_flags_that_are_keys_of_the_recipe_are_answered_with_these(tmp_path, caplog, monkeypatch):
+    monkeypatch.setattr(Screen, "logged", set())
+    settings, working = TrainerConfig("cpu", 1, 1, "auto", "32-true", False), tmp_path / "haptic"
+    settings.max_epochs = 3
+    with caplog.at_level("INFO"):
+        trainer, *_ = make_trainer(settings, [], [], FIT, working, validated=False)
+    assert trainer.max_epochs == 3  # as every flag of Lightning's
+    assert "of every network of this run, model.haptic.fit.epochs of one." in caplog.text
+    settings.batch_size = 4
+    with pytest.raises(UserError, match=r"correct that flag, or give model\.haptic\.fit\.batch_s"):
         make_trainer(settings, [], [], FIT, working, validated=False)

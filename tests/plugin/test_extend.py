@@ -36,7 +36,7 @@ def test_the_parts_of_the_page_run_from_an_empty_folder(cli, empty):
         path = empty / re.search(r"^# (\S+\.\w+)$", text, re.MULTILINE)[1]
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
-    assert len(files) == 8
+    assert len(files) == 9
     (empty / "DIR").mkdir()
     for kind, label in enumerate(("wood", "felt")):
         for number in range(10):
@@ -54,3 +54,18 @@ def test_the_parts_of_the_page_run_from_an_empty_folder(cli, empty):
     results = json.loads((empty / "RUN" / "results.json").read_text())
     assert (results["data"], results["networks"]["fusion"]["test_samples"]) == ("flat", 2)
     assert json.loads(outcomes[2].out)["label"] in ("wood", "felt")
+
+
+def test_the_networks_of_the_page_take_one_key(cli, empty):
+    text = PAGE.read_text()
+    (module,) = re.findall(r"^```python\n(# my_net\.py\n.*?)^```$", text, re.DOTALL | re.MULTILINE)
+    (empty / "my_net.py").write_text(module)
+    np.save(empty / "A.npy", np.random.default_rng(0).standard_normal(40_000))
+    commands = re.findall(r"^    python -m tex_lightning (model=.*my_net.*)$", text, re.MULTILINE)
+    given = [shlex.split(command) for command in commands]
+    assert len(given) == 2
+    for arguments in given:
+        outcome = cli(*arguments, "debug=tiny", "trainer.threads=1")
+        assert outcome.status == 0, outcome.err
+    outcome = cli("task=predict", "checkpoint=RUN", "haptic=A.npy", "trusted=[my_net]")
+    assert json.loads(outcome.out)["label"]

@@ -42,7 +42,7 @@ class Stage:
         self.title, self.total, self.note = title, total, ""
         self._task = Stage.bars.add_task("", total=total, completed=done)  # type: ignore[arg-type]
         Stage.levels.append(self)
-        self.update(done)
+        self._show(done)
 
     def __enter__(self) -> Self:
         return self
@@ -54,12 +54,15 @@ class Stage:
         """Show how many are done, and notes beside that."""
         self.title = title or self.title
         self.note = ", ".join(notes) or self.note
+        self._show(done)
+        _log_progress()
+
+    def _show(self, done: float) -> None:
         counted = self.total is not None and self.total > 1
         count = f" {min(int(done) + 1, self.total or 0)}/{self.total}" if counted else ""
         self.label = printable(f"{self.title}{count}{self.note and f', {self.note}'}")
         if self._task in Stage.bars.task_ids:  # else another thread has ended all levels
             Stage.bars.update(self._task, completed=done, description=self.label)
-        _log_progress()
 
     def end(self) -> None:
         """Remove this level and the levels inside it."""
@@ -90,12 +93,13 @@ def _log_progress() -> None:
     due = time.monotonic() - Stage.told >= TOLD and Screen.verbose > QUIET
     if due and Stage.bars.disable:
         Stage.told = time.monotonic()
-        log.info("%s.", "; ".join(level.label for level in Stage.levels))
+        log.info("In progress: %s.", "; ".join(level.label for level in Stage.levels))
 
 
 def track(items: Iterable[Item], title: str | Callable[[Item], str]) -> Iterator[Item]:
     """Yield items behind a bar that says what they are, or the name of each."""
-    with Stage("", len(items) if isinstance(items, Sized) else None) as level:
+    total = len(items) if isinstance(items, Sized) else None
+    with Stage(title if isinstance(title, str) else "", total) as level:
         for number, item in enumerate(items):
             level.update(number, title=title if isinstance(title, str) else title(item))
             yield item

@@ -239,7 +239,7 @@ def run_test(
     for sample in samples[:WARM_UP]:
         classify_sample(classifier, sample, store)
     outcomes = []
-    for sample in track(samples, "Testing"):
+    for sample in track(samples, "testing sample"):
         vote, latency = classify_sample(classifier, sample, store)
         truth = index.get(sample.label, NOT_TRAINED)
         outcomes.append(

@@ -161,7 +161,7 @@ def compare(
         decoded recordings to the label of the file, None without recordings.
     """
     same, scores, shares, times = 0, [0.0], [0.0], []
-    for sample in track(samples, "Checking"):
+    for sample in track(samples, "checking recording"):
         recordings = decoded(sample, classifier)
         inputs = feed(classifier, sample, recordings)
         with torch.inference_mode():

@@ -1,6 +1,7 @@
 """Make Lightning's Trainer: flags, callbacks, no advertisements."""
 
 import logging
+import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,7 +17,7 @@ from lightning.pytorch.loggers import Logger
 
 from tex_lightning.config import TrainerConfig
 from tex_lightning.config.instantiation import build, build_derived
-from tex_lightning.core.console import DEBUG, Screen
+from tex_lightning.core.console import DEBUG, Screen, log_once
 from tex_lightning.core.files import write_atomically
 from tex_lightning.core.progress import Stage
 from tex_lightning.errors import UserError, reason
@@ -30,6 +31,7 @@ UNHELPFUL = (
     ".*`srun` command is available.*",  # it may be installed and not be meant
     ".*LeafSpec.*is deprecated.*",  # Lightning 2.6 with PyTorch 2.13, until Lightning follows
 )
+UNKNOWN_FLAG = re.compile(r"unexpected keyword argument '(\w+)'")
 LOGGERS = ("lightning", "lightning.pytorch", "lightning.fabric")
 
 log = logging.getLogger(__name__)
@@ -148,7 +150,8 @@ def make_trainer(
         callbacks: Further callbacks.
         loggers: Loggers of the network.
         fit: The training recipe of the network.
-        working: Folder of the checkpoints of its epochs, in that of the run's checkpoints.
+        working: Folder of the checkpoints of its epochs, in that of the run's checkpoints, with
+            the network's name.
         validated: Whether there are samples to validate on.
 
     Raises:
@@ -167,10 +170,15 @@ def make_trainer(
         "max_epochs": fit["epochs"],
         **settings.flags,
     }
+    epochs = f"model.{working.name}.fit.epochs"
+    if "max_epochs" in settings.flags and fit["epochs"]:
+        log_once(log, f"trainer.max_epochs is of every network of this run, {epochs} of one.")
     if not fit["epochs"]:  # what is fitted in closed form takes no step
         flags["max_epochs"] = 0
     if type(flags["max_epochs"]) is not int:  # which Lightning would find in the midst of work
-        raise UserError(f"trainer.max_epochs={flags['max_epochs']} is no number; correct it.")
+        raise UserError(
+            f"trainer.max_epochs={flags['max_epochs']} is no number; correct it, or give {epochs}."
+        )
     if isinstance(flags["strategy"], dict):
         flags["strategy"] = build("trainer.strategy", flags["strategy"])
     try:
@@ -183,8 +191,12 @@ def make_trainer(
             default_root_dir=working.parents[1],
         )
     except Exception as error:  # Lightning checks some of its flags, and others by using them
+        unknown = UNKNOWN_FLAG.search(str(error))
+        name = unknown[1] if unknown else ""
+        ours = f", or give model.{working.name}.fit.{name}" if name in fit else ""
         raise UserError(
-            f"Lightning's Trainer rejects a flag of trainer: {reason(error)}; correct that flag."
+            f"Lightning's Trainer rejects a flag of trainer: {reason(error)}; correct that "
+            f"flag{ours}."
         ) from error
     return trainer, timer, keeper
 

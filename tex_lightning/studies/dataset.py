@@ -73,7 +73,7 @@ class Dataset:
         rows = Recordings((*self.recordings, *self.unknown))
         pairs = [(row, sense) for sense in senses for row in rows.of(sense.modality)]
         small = {}
-        for row, sense in track(pairs, "Checking"):
+        for row, sense in track(pairs, "checking file"):
             if unusable := self.too_small(row, sense):
                 small[row] = unusable
         skipped = (*self.skipped, *small.values())

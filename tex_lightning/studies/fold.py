@@ -204,7 +204,7 @@ def fit_fold(
         name: given_start(Path(path), whole_card.of([name]), parts.test, config.data)
         for name, path in model.checkpoints.items()
     }
-    for name in track(model.trained, str):
+    for name in track(model.trained, "network {}".format):
         whole = name == model.kind
         card = whole_card if whole else whole_card.of([name])
         starts = {sense: unimodal[sense] for sense in model.senses if whole and sense in unimodal}

@@ -56,7 +56,7 @@ def interleaved(
             function()
     spent: dict[str, list[float]] = {name: [] for name in functions}
     begin = time.perf_counter()
-    for done in track(range(repeats), "Timing"):
+    for done in track(range(repeats), "timing repeat"):
         if done >= LEAST_ROUNDS and time.perf_counter() - begin > budget_s:
             break
         for name, function in functions.items():
