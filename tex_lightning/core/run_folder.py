@@ -34,7 +34,7 @@ FREE_KEYS = (
     "crossval.", "frontier.only", "logger.", "data.cache_dir",
     "data.num_workers", "trainer.accelerator",
     "trainer.devices", "trainer.num_nodes", "trainer.strategy", "trainer.threads", "callbacks.",
-    "trusted", "data.reader.cache_dir", "verbose",
+    "trusted", "data.reader.cache_dir", "data.reader.page", "verbose",
 )  # fmt: skip
 
 

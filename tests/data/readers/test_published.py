@@ -203,7 +203,11 @@ def test_what_is_not_read_is_noted(copy, name, file, change, note):
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (["data=tum"], r"Folder \. holds no LABEL_query0\.txt; check data\.root"),
+        (
+            ["data=tum"],
+            r"Folder \. holds no LABEL_query0\.txt; check data\.root, or get .* from https:.*tum",
+        ),
+        (["data=kylberg"], r"holds no CLASS/.*, or get the data set from https://www\.cb\.uu\.se"),
         (["data=kylberg", "data.group_by=surfaces"], r"did you mean surface\?"),
         (["data=cluster", "data.group_by=velocity"], "choose speed, direction, force, repetition"),
     ],

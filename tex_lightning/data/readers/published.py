@@ -44,6 +44,7 @@ class PatternReader:
         conditions: Parts of the path that are conditions of the recording.
         rate: Rate of the ``.txt`` files in Hz.
         split: Half that is read, where the path has a group ``split``: ``training``, ``testing``.
+        page: Address where the data set is to be had, for messages; None if it is the user's own.
 
     Raises:
         UserError: If ``group_by`` is unknown.
@@ -58,6 +59,7 @@ class PatternReader:
     folds: int | None = None
     conditions: Sequence[str] = ()
     rate: float | None = None
+    page: str | None = None
     split: str = "training"
 
     def __post_init__(self) -> None:
@@ -79,7 +81,9 @@ class PatternReader:
             for path, match in self._matches(self.folder / name, notes)
         ]
         if not matches:
-            raise UserError(f"Folder {self.folder} holds no {self.example}; check data.root.")
+            raise UserError(
+                f"Folder {self.folder} holds no {self.example}; check data.root{self._got_from}."
+            )
         values = sorted({match[self.group_by] for _, _, match in matches}, key=natural_key)
         rows = [
             Recording(
@@ -94,6 +98,10 @@ class PatternReader:
             for modality, path, match in matches
         ]
         return Recordings(tuple(rows), tuple(notes))
+
+    @property
+    def _got_from(self) -> str:
+        return f", or get the data set from {self.page}" if self.page else ""
 
     def _group(self, label: str, number: int) -> str:
         return f"{self.group_by if self.group_by in self.conditions else label}/{number}"
