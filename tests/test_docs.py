@@ -27,6 +27,7 @@ import tex_lightning as tl
 from tex_lightning.config import Config
 from tex_lightning.config.composition import compose_config, read_config
 from tex_lightning.config.keys import walk
+from tex_lightning.config.names import as_typed
 from tex_lightning.report.table import paper_table
 
 FOUND = {
@@ -44,7 +45,7 @@ def test_a_command_of_the_documentation_composes(page, command):
     arguments = [each for each in package_arguments(command) if each not in MULTIRUN]
     if "--config-dir" in arguments:  # a user's own parts, which tests/plugin runs
         return
-    jobs = sweep_jobs(arguments)
+    jobs = sweep_jobs(as_typed(arguments))
     read_config(compose_config(jobs))
 
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from tex_lightning_runtime.archives import ARCHIVES, read_archive
 from tex_lightning_runtime.columns import Reading
 from tex_lightning_runtime.photos import read_photo, to_rgb
 from tex_lightning_runtime.tables import SUFFIXES, read_table
@@ -209,6 +210,8 @@ def _read_file(sense: dict[str, Any], path: Path) -> tuple[Array, float | None, 
         array = np.load(path, mmap_mode="r")  # which takes no memory for what a header claims
         require(np.size(array) <= MAX_SAMPLES, f"it has more than {MAX_SAMPLES:,} samples")
         return np.array(array), None, None
+    if suffix in ARCHIVES:
+        return *read_archive(path, MAX_SAMPLES), None
     from tex_lightning_runtime.sounds import read_sound
 
     samples, rate, notes = read_sound(path, MAX_SAMPLES)

@@ -125,7 +125,9 @@ def test_bad_traces_are_refused_with_a_reason(tmp_path):
     refuse("many.npy", npy(AXES[0, :650].reshape(65, 10).repeat(9, axis=1)), "1 to 64 channels")
     refuse("cube.npy", npy(np.zeros((2, 3, 4))), "1 to 64 channels")
     refuse("none.npy", npy(np.zeros((3, 0))), "1 to 64 channels")
-    refuse("trace.mp3", b"x", "unknown type; use .wav, .flac, .npy, .txt, .csv, .tsv, .lvm")
+    refuse(
+        "trace.mp3", b"x", "unknown type; use .wav, .flac, .npy, .npz, .mat, .txt, .csv, .tsv, .lvm"
+    )
     with pytest.raises(UserError, match="does not exist"):
         SIGNAL.decode(tmp_path / "nowhere.wav")
 

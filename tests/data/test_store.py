@@ -14,7 +14,7 @@ import pytest
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import Recording
-from tex_lightning.data.store import Store, cache_root
+from tex_lightning.data.store import Store, Unusable, cache_root, list_files
 from tex_lightning.errors import UserError
 
 DECODERS = {"haptic": SignalDecoder(), "image": PhotoDecoder()}
@@ -196,3 +196,16 @@ def test_parts_of_a_file_make_the_whole_and_have_entries_of_their_own(store, sur
     assert store.rate(trace) == 10_000
     with pytest.raises(UserError, match=r"Part 0-0.00001 of .* is empty, as the file has only"):
         store.load(replace(row, part=(0, 0.00001)))
+
+
+def test_many_files_of_one_reason_are_a_line_with_the_first_five(tmp_path):
+    rows = [Recording("a", "image", tmp_path / f"{n}.png", n) for n in range(250)]
+    small = [Unusable(row, f"{row.source}: The photo is too small.") for row in rows]
+    other = Unusable(rows[0], f"{rows[0].source}: It is no photo.")
+    one, two = list_files([*small, other])
+    assert one == (
+        f"- {rows[0].source}: The photo is too small. The same of 249 others: 1.png, 2.png, "
+        "3.png, 4.png, and 245 more."
+    )
+    assert two.endswith("It is no photo.")
+    assert list_files(small[:1]) == [f"- {small[0].reason}"]

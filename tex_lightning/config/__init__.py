@@ -65,6 +65,9 @@ class Config:
     own: dict[str, Any] = key(
         "files of custom modalities; +NAME=FILE adds one", factory=dict, text=True
     )
+    pattern: str | None = key(
+        "task=manifest: path below data.root, such as {label}/{person}_{group}.wav", default=None
+    )
     top_k: int = key("candidates listed by task=predict", "[1, inf)")
     weights: Any = key(
         "first weights of trunks: FILE, imagenet or {TRUNK: FILE}; null: random",

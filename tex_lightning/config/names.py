@@ -39,6 +39,7 @@ FOREIGN = re.compile(
     r"|([^A-Za-z0-9_/\\+.$%*@?|:=,()\[\]{} \t-])"
 )
 MASK = re.compile(r"@u([0-9a-f]+)u@")
+VERBATIM = ("pattern",)  # keys whose braces and commas are text
 OF_NAMES = ("choice", "sort", "shuffle")  # functions of Hydra whose arguments may be names
 
 
@@ -62,6 +63,8 @@ def _as_typed(override: str) -> str:
     match = OVERRIDE.fullmatch(override)
     if match is None or not holds_text(match[2]):
         return override
+    if match[2] in VERBATIM and match[3][0] not in "\"'":
+        return match[1] + QuotedString(match[3], Quote.double).with_quotes()
     value = FOREIGN.sub(lambda found: f"@u{ord(found[1]):x}u@" if found[1] else found[0], match[3])
     if value == match[3] and not TYPED.search(value):
         return override

@@ -11,12 +11,19 @@ SHARE = "[0, 1]"
 CHANCE = "[0, 1)"
 TASKS = (
     "fit", "crossval", "evaluate", "enroll", "predict", "stream", "record", "stability",
-    "frontier", "profile", "export", "generate", "inspect",
+    "frontier", "profile", "export", "generate", "inspect", "manifest",
 )  # fmt: skip
 READ_FILES = ("predict", "record", "stream")  # tasks that read files, by modality
 TRAINING = ("fit", "crossval")  # tasks that train one model
-SILENT = ("predict", "stream", "record", "generate", "export")  # tasks that leave no results.json
-NO_FOLDER = ("predict", "stream")  # tasks that write nothing at all
+SILENT = (
+    "predict",
+    "stream",
+    "record",
+    "generate",
+    "export",
+    "manifest",
+)  # tasks that leave no results.json
+NO_FOLDER = ("predict", "stream", "manifest")  # tasks that write nothing there
 OURS = ("threads", "tf32")  # of TrainerConfig, unknown to Lightning
 MAX_PAIRS = 1_000_000  # of fragments that FusionNet votes over
 

@@ -35,6 +35,7 @@ from tex_lightning.errors import UserError, reason
 from tex_lightning_runtime.columns import Reading
 
 MAX_LINES = 20
+NAMED = 5  # files of one reason
 
 
 class Unusable(NamedTuple):
@@ -45,10 +46,19 @@ class Unusable(NamedTuple):
 
 
 def list_files(unusable: Sequence[Unusable]) -> list[str]:
-    """Return a line for each file, up to a number that a terminal shows."""
-    lines = [f"- {recording.reason}" for recording in unusable[:MAX_LINES]]
-    if len(unusable) > MAX_LINES:
-        lines.append(f"… and {len(unusable) - MAX_LINES} more")
+    """Return a line for each file, and one for many files of one and the same reason."""
+    alike: dict[str, list[Unusable]] = {}
+    for each in unusable:
+        alike.setdefault(each.reason.replace(each.recording.source, ""), []).append(each)
+    lines = []
+    for those in alike.values():
+        first, more = those[0], [each.recording.path.name for each in those[1:NAMED]]
+        others = len(those) - NAMED
+        also = f", and {others:,} more" if others > 0 else ""
+        count = f" The same of {len(those) - 1:,} others: {', '.join(more)}{also}." if more else ""
+        lines.append(f"- {first.reason}{count}")
+    if len(lines) > MAX_LINES:
+        lines[MAX_LINES:] = [f"… and {len(lines) - MAX_LINES} more"]
     return lines
 
 

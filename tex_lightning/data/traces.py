@@ -20,6 +20,7 @@ import soundfile
 from tex_lightning.core.console import suppress_warnings
 from tex_lightning.core.files import is_file, require_file
 from tex_lightning.errors import UserError, reason
+from tex_lightning_runtime.archives import ARCHIVES, read_archive
 from tex_lightning_runtime.columns import Channels, Reading
 from tex_lightning_runtime.sounds import read_sound
 from tex_lightning_runtime.tables import SUFFIXES, read_table
@@ -186,15 +187,22 @@ def _read_array(path: Path) -> Raw:
     except Exception as error:  # of any kind; the words of some propose to load it unsafely
         raise ValueError("it is no whole array of numbers as np.save writes it") from error
     if not isinstance(array, np.ndarray):
-        raise ValueError("it is an .npz archive; save one array with np.save")
+        raise ValueError("it is an .npz archive; call it .npz")
     if array.dtype.kind not in "fiu":
         raise ValueError(f"it holds {array.dtype} instead of numbers")
     _check_count(array.size)
     return np.array(array, np.float64), None, ()
 
 
+def _read_archive(path: Path) -> Raw:
+    with suppress_warnings():
+        array, rate = read_archive(path, MAX_SAMPLES)
+    return np.array(array, np.float64), rate, ()
+
+
 READERS: dict[str, Callable[[Path], Raw]] = {
     **dict.fromkeys((".wav", ".flac"), _read_sound),
     ".npy": _read_array,
+    **dict.fromkeys(ARCHIVES, _read_archive),
 }
 TRACE_SUFFIXES = (*READERS, *SUFFIXES)

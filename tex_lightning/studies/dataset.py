@@ -156,10 +156,17 @@ def open_dataset(data: DataConfig, senses: Sequence[Sense]) -> Dataset:
         raise UserError(
             f"The data has {' or '.join(modalities)} recordings of "
             f"{listed(recordings.classes) or 'no class'}, and telling classes apart takes two; "
-            "choose another model or add recordings."
+            f"choose another model, or add recordings{_where_to(data, modalities)}."
         )
     dataset = Dataset.decode(recordings, unknown, store, recordings.classes)
     return replace(dataset, condition_bins=condition_bins(needed))
+
+
+def _where_to(data: DataConfig, modalities: Sequence[str]) -> str:
+    """Say where a folder has the recordings of modalities."""
+    if data.root is None:
+        return ""
+    return f" ({' and '.join(f'{data.root}/CLASS/{name}' for name in modalities)})"
 
 
 def open_test_data(

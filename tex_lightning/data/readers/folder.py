@@ -25,6 +25,14 @@ from tex_lightning.errors import UserError
 
 SYSTEMS = ("Thumbs.db", "desktop.ini")  # files that are nobody's
 MAX_KINDS = 6
+TO_SOUND = " Convert what is compressed to .flac or .wav, such as with ffmpeg."
+TO_TABLE = " Save each sheet as CSV."
+TO_PHOTO = " Convert the photos to .jpg or .png."
+CURES = {
+    **dict.fromkeys((".mp3", ".m4a", ".aac", ".ogg", ".opus", ".wma", ".mp4"), TO_SOUND),
+    **dict.fromkeys((".xlsx", ".xls", ".ods"), TO_TABLE),
+    **dict.fromkeys((".heic", ".heif", ".gif", ".raw", ".cr2", ".nef"), TO_PHOTO),
+}  # of files that are not read, by suffix
 BESIDE = {"haptic": TRACE_SUFFIXES, "image": IMAGE_SUFFIXES}  # of files in the folder of a class
 
 
@@ -82,14 +90,34 @@ def read_folder(root: Path) -> Recordings:
         if not recordings:
             notes.append(f"Class folder {directory} is skipped: it has no trace and no photo.")
         rows += recordings
-    counted = f"Of other kinds and not read: {count_kinds(others)}." if others else ""
+    counted = [f"Of other kinds and not read: {count_kinds(others)}."] if others else []
     if not rows:
-        raise UserError(
-            f"Folder {root} holds no recordings; put traces in {root}/CLASS/haptic "
-            f"({', '.join(TRACE_SUFFIXES)}) and photos in {root}/CLASS/image (.jpg, .png, …)."
-            f"{others and f' {counted}'}"
+        raise UserError(" ".join([_nothing_in(root, others), *counted]))
+    return Recordings(tuple(rows), (*notes, *counted))
+
+
+def _nothing_in(root: Path, others: Sequence[Path]) -> str:
+    """Say that a folder holds no recordings, what lies there, and what makes them of it."""
+    flat = [path for path in sorted(root.glob("[!.]*"))
+            if path.is_file() and path.name not in SYSTEMS]  # fmt: skip
+    names = {path.name.casefold() for path in flat}
+    kinds = {path.suffix.lower() for path in (*flat, *others)}
+    if {"x.npy", "y.npy"} <= names:
+        return (
+            f"Folder {root} holds recordings and labels as two arrays, X.npy and y.npy; write each "
+            f"row of X into {root}/LABEL/haptic/NUMBER.npy with np.save (docs/data.md)."
         )
-    return Recordings(tuple(rows), (*notes, *([counted] if others else [])))
+    if {*TRACE_SUFFIXES, *IMAGE_SUFFIXES} & {path.suffix.lower() for path in flat}:
+        return (
+            f"Folder {root} has no folder for each class: it holds {count_kinds(flat)}; run "
+            f"task=manifest data.root={root} pattern='{{label}}_{{group}}{flat[0].suffix}', with "
+            "a pattern that fits their names, and train with data=manifest."
+        )
+    cure = next((text for kind, text in CURES.items() if kind in kinds), "")
+    return (
+        f"Folder {root} holds no recordings; put traces in {root}/CLASS/haptic "
+        f"({', '.join(TRACE_SUFFIXES)}) and photos in {root}/CLASS/image (.jpg, .png, …).{cure}"
+    )
 
 
 def count_kinds(files: Sequence[Path]) -> str:

@@ -1,0 +1,106 @@
+"""Recordings whose classes, groups and conditions are in the names of their files."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from tex_lightning.data.decode import IMAGE_SUFFIXES
+from tex_lightning.data.recordings import (
+    FOLD,
+    KNOWN,
+    PART,
+    RATE,
+    Recording,
+    Recordings,
+    natural_key,
+)
+from tex_lightning.data.traces import TRACE_SUFFIXES, stands_for_all
+from tex_lightning.errors import UserError, shorten
+
+FIELD = re.compile(r"\{([^{}]*)\}|(\*)")
+LABEL, GROUP, MODALITY = "label", "group", "modality"
+
+
+def read_names(root: Path, pattern: str) -> tuple[Recordings, list[str]]:
+    """Return the recordings below a folder whose names fit a pattern, and the names that do not.
+
+    Args:
+        root: The folder.
+        pattern: Path below the folder, such as ``{label}/{person}_{group}.wav``. What stands for
+            ``{label}`` is the class, and may have the separators; for ``{group}``, ``{modality}``,
+            ``{rate}`` and ``{fold}`` the columns of a manifest; for others conditions. ``*`` is
+            anything. Without ``{modality}`` the suffix tells it, and without ``{group}`` files of
+            one name, whatever their suffix, are a group.
+
+    Raises:
+        UserError: If the pattern cannot be used, or no name fits.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from tex_lightning.data.readers.names import read_names
+        >>> _ = Path("A.wav").rename("red_oak_ann.wav")
+        >>> table, others = read_names(Path(), "{label}_{person}.wav")
+        >>> table.rows[0].label, table.rows[0].conditions
+        ('red_oak', (('person', 'ann'),))
+    """
+    if not root.is_dir():
+        raise UserError(f"Folder {root} does not exist; give an existing folder in data.root.")
+    wanted, rows, others = _compiled(pattern), [], []
+    for path in _files(root):
+        name = path.relative_to(root).as_posix()
+        if match := wanted.fullmatch(name):
+            rows.append(_recording(path, name, match.groupdict()))
+        else:
+            others.append(name)
+    if not rows:
+        seen = f"such as {shorten(others[0])}" if others else "as there is no recording in it"
+        raise UserError(
+            f"No file in {root} has a name like pattern={shorten(pattern)}, {seen}; correct the "
+            "pattern, which is a path below data.root."
+        )
+    return Recordings(tuple(rows)), others
+
+
+def _files(root: Path) -> Iterator[Path]:
+    """Yield the recordings below a folder in natural order; one of several that are its axes."""
+    suffixes = (*TRACE_SUFFIXES, *IMAGE_SUFFIXES)
+    hidden = (path for path in root.rglob("*") if not path.name.startswith("."))
+    for path in sorted(hidden, key=lambda path: natural_key(path.as_posix())):
+        usable = path.suffix.lower() in suffixes and path != root / "manifest.csv"
+        if usable and path.is_file() and stands_for_all(path):
+            yield path
+
+
+def _compiled(pattern: str) -> re.Pattern[str]:
+    """Return the regular expression of a pattern."""
+    names = [match[1] for match in FIELD.finditer(pattern) if match[1] is not None]
+    for name in names:
+        if not name.isidentifier() or name in ("path", PART) or names.count(name) > 1:
+            raise UserError(
+                f"pattern={shorten(pattern)} has {{{name}}}; give each part another name, one "
+                "word, and neither path nor part."
+            )
+    if LABEL not in names:
+        raise UserError(f"pattern={shorten(pattern)} has no {{label}}; say where the class is.")
+    parts, end = [], 0
+    for match in FIELD.finditer(pattern):
+        parts.append(re.escape(pattern[end : match.start()]))
+        end = match.end()
+        beside = re.escape(pattern[match.start() - 1 : match.start()] + pattern[end : end + 1])
+        only = rf"[^/{beside}]+" if match[1] != LABEL else "[^/]+"
+        parts.append("[^/]*" if match[2] else f"(?P<{match[1]}>{only})")
+    return re.compile("".join([*parts, re.escape(pattern[end:])]))
+
+
+def _recording(path: Path, name: str, told: dict[str, str]) -> Recording:
+    """Make the recording of a file; what is wrong with it is said when the manifest is read."""
+    photo = path.suffix.lower() in IMAGE_SUFFIXES
+    group = told.get(GROUP, name.removesuffix(path.suffix))
+    try:
+        rate = float(told[RATE]) if RATE in told else None
+        fold = int(told[FOLD]) if FOLD in told else None
+    except ValueError as error:
+        raise UserError(f"{path} has a rate or fold that is no number ({error}).") from error
+    conditions = tuple((key, value) for key, value in told.items() if key not in KNOWN)
+    modality = told.get(MODALITY, "image" if photo else "haptic")
+    return Recording(told[LABEL], modality, path, group, rate, conditions, fold=fold)
