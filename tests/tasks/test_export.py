@@ -117,3 +117,13 @@ def test_what_cannot_be_exported(cli, tmp_path, monkeypatch, changes, sentence):
     assert outcome.status == 2
     assert sentence in outcome.err
     assert not (tmp_path / "visual.onnx").exists()
+
+
+def test_band_proportions_are_exported(cli, bands, tmp_path):
+    """What mirrors a short recording took a remainder that ONNX cannot translate."""
+    outcome = cli(
+        "task=export", f"checkpoint={bands}", f"export.out={tmp_path}", "export.check=3",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    assert "3 of 3 labels equal those of the checkpoint" in outcome.err
+    assert (tmp_path / "haptic.onnx").is_file()

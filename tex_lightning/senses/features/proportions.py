@@ -211,7 +211,9 @@ class BandProportions(nn.Module):
         """Return a movement (axes, samples), mirrored until the longest window fits it."""
         have, take = movement.shape[-1], self.lengths[self.longest]
         most: Any = torch.sym_max(have, take)  # type: ignore[no-untyped-call]
-        places = torch.arange(most, device=movement.device) % (2 * have)
+        places = torch.arange(most, device=movement.device)
+        # a tensor, since ONNX's remainder takes no number that is known only at run time
+        places = torch.remainder(places, torch.full_like(places, 2 * have))
         return movement[:, torch.minimum(places, 2 * have - 1 - places)]
 
     def responses(self, movement: Tensor, index: int) -> Tensor:
