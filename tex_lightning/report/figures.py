@@ -1,6 +1,6 @@
 """Figures, drawn without a display."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from tex_lightning.core.files import write_atomically
 from tex_lightning.evaluation.calibration import BINS, confidences, correct_votes
 from tex_lightning.evaluation.confusion import recall_by_class
 from tex_lightning.evaluation.outcomes import Counts, Outcome
-from tex_lightning.report.style import GUIDE, brief, styled
+from tex_lightning.report.style import GUIDE, brief, looks, styled
 
 MAX_NAMED = 30  # classes up to which counts are written in
 MAX_LABELLED = 150  # classes up to which each is named; the matrix of more is no larger
@@ -125,4 +125,31 @@ def calibration_figure(outcomes: Sequence[Outcome], name: str) -> Figure:
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(PercentFormatter(1))
     axes.set_title(f"{name}: {len(outcomes)} test samples")
+    return figure
+
+
+@styled
+def learning_figure(curves: Mapping[str, Sequence[Mapping[str, float]]]) -> Figure:
+    """Draw the loss of all networks over their epochs, and the accuracy of validation below.
+
+    Args:
+        curves: By network rows with ``epoch`` and some of ``train/loss``, ``val/loss``,
+            ``val/vote_accuracy``.
+    """
+    figure = Figure(figsize=(5.2, 4.2), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    for (name, rows), look in zip(curves.items(), looks(curves).values(), strict=True):
+        for axes, key, line in (
+            (upper, "train/loss", ":"), (upper, "val/loss", "-"), (lower, "val/vote_accuracy", "-"),
+        ):  # fmt: skip
+            points = [(row["epoch"] + 1, row[key]) for row in rows if key in row]
+            if points:
+                label = f"{brief(name)}, {key.replace('/', ' ').replace('_', ' ')}"
+                axes.plot(*zip(*points, strict=True), line, color=look.colour, label=label)
+    upper.set(ylabel="loss", title="learning curves")
+    lower.set(xlabel="epoch", ylabel="accuracy", ylim=(-0.03, 1.03))
+    lower.yaxis.set_major_formatter(PercentFormatter(1))
+    for axes in (upper, lower):
+        if axes.get_legend_handles_labels()[0]:
+            axes.legend(fontsize=6)
     return figure

@@ -83,7 +83,10 @@ def sample_pieces(
     for place, pair in enumerate(confused_pairs(outcomes, classes)[:PAIRS], 1):
         sides = [
             shown(number)
-            for number in (_of(outcomes, pair.label, pair.predicted), _of(outcomes, pair.predicted))
+            for number in (
+                side_of(outcomes, pair.label, pair.predicted),
+                side_of(outcomes, pair.predicted),
+            )
             if number is not None
         ]
         title = printable(f"{place} {pair.label} called {pair.predicted}")
@@ -97,7 +100,7 @@ def sample_pieces(
                     yield Sound(tag, *sense.sound)
 
 
-def _of(outcomes: Sequence[Outcome], label: str, predicted: str | None = None) -> int | None:
+def side_of(outcomes: Sequence[Outcome], label: str, predicted: str | None = None) -> int | None:
     """Return the number of the sample of a class that is most for another, or most for its own."""
     numbers = [number for number, outcome in enumerate(outcomes) if outcome.label == label]
     if not numbers:

@@ -4,9 +4,12 @@ Tables that compare systems are made of the run folders of their tests.
 """
 
 import base64
+import hashlib
+import shlex
 import struct
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any
@@ -17,6 +20,7 @@ from tex_lightning.evaluation.conditions import pool_conditions
 from tex_lightning.evaluation.metrics import class_metrics, told
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, summarise
 from tex_lightning.report.data_page import data_pictures, data_tables
+from tex_lightning.report.errors import class_tables, error_cards
 from tex_lightning.report.table import (
     POOLED,
     TINY,
@@ -30,6 +34,7 @@ from tex_lightning.report.table import (
     read_or_empty,
     run_overrides,
     run_settings,
+    typed_overrides,
 )
 from tex_lightning.text import render
 
@@ -260,6 +265,7 @@ def write_report(
         first: Tables before all others.
     """
     results = read_or_empty(directory / "results.json")
+    draw_learning(directory)
     folders = [directory] if runs is None else runs
     compares = runs is not None or results.get("task") == "crossval"
     systems = read_systems(folders) if compares else []
@@ -268,10 +274,10 @@ def write_report(
     context = {
         "title": " · ".join(names) or directory.name,
         "tiny": TINY if tiny else "",
-        "overrides": run_overrides(directory),
+        "command": shlex.join(["python", "-m", "tex_lightning", *typed_overrides(directory)]),
         "notes": NOTES if systems else "",
         "tables": [*first, *(comparison_tables(systems) if compares else _own_tables(results))],
-        "figures": sorted([*directory.glob("*.png"), *directory.glob("figures/*.png")]),
+        "figures": _figures(directory, results.get("networks", {})),
         "data": data_tables(directory),
         "examples": data_pictures(directory),
         "embedded": embedded,
@@ -280,6 +286,7 @@ def write_report(
     }
     if systems:
         write_text(directory / "report.md", render(TEMPLATES / "report.md.jinja", context))
+    script = (TEMPLATES / "page.js").read_text(encoding="utf-8")
     systems_by_name = {key: str(entry["name"]) for key, entry in results.get("systems", {}).items()}
     further = {
         "networks": facts(results),
@@ -288,12 +295,55 @@ def write_report(
             for name in FILES
             if (directory / name).is_file()
         ],
+        "classes": class_tables(directory),
+        "errors": error_cards(directory),
+        "date": _date(directory),
+        "script": script,
+        "script_hash": base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         "settings": run_settings(directory),
         "environment": results.get("environment", {}),
         "seconds": results.get("wall_seconds"),
     }
     page = render(TEMPLATES / "page.html", {**context, **further})
     write_text(directory / "report.html", page)
+
+
+def draw_learning(directory: Path) -> None:
+    """Save the learning curves of the networks of a run, if any took several epochs."""
+    networks = read_or_empty(directory / "results.json").get("networks", {})
+    curves = {}
+    for name in networks:
+        rows: dict[float, dict[str, float]] = {}
+        for file in sorted((directory / "metrics").glob(f"{name}*/metrics.csv")):
+            for line in read_rows(file):
+                known = {key: float(cell) for key, cell in line.items() if cell}
+                if "epoch" in known:
+                    rows.setdefault(known["epoch"], {}).update(known)
+        if len(rows) > 1:
+            curves[name] = [rows[epoch] for epoch in sorted(rows)]
+    if curves:
+        from tex_lightning.report.figures import learning_figure, save_figure  # slow to import
+
+        save_figure(learning_figure(curves), directory / "figures" / "learning_curves")
+
+
+def _figures(directory: Path, networks: Iterable[str]) -> list[Path]:
+    """Return the figures of a run: of all networks, then of each in the order of reading."""
+    order = [*networks]
+    files = sorted([*directory.glob("*.png"), *directory.glob("figures/*.png")])
+
+    def place(file: Path) -> int:
+        return next((n for n, name in enumerate(order) if file.stem.startswith(f"{name}_")), -1)
+
+    return sorted(files, key=place)
+
+
+def _date(directory: Path) -> str:
+    """Return when a run has ended, by its results."""
+    file = directory / "results.json"
+    if not file.is_file():
+        return ""
+    return f"{datetime.fromtimestamp(file.stat().st_mtime).astimezone():%Y-%m-%d %H:%M %Z}"
 
 
 def _own_tables(results: Mapping[str, Any]) -> list[Table]:

@@ -37,6 +37,7 @@ from tex_lightning.learning.start import starting_classifier
 from tex_lightning.learning.train import checkpoint_of, shared_folder, train_network
 from tex_lightning.learning.trial import try_baseline, try_custom_parts, try_training
 from tex_lightning.report.board import Piece
+from tex_lightning.report.errors import keep_samples
 from tex_lightning.studies.dataset import Dataset, open_dataset
 from tex_lightning.studies.description import show_opening
 from tex_lightning.studies.evaluate_checkpoint import (
@@ -46,7 +47,7 @@ from tex_lightning.studies.evaluate_checkpoint import (
     results_frame,
 )
 from tex_lightning.studies.leaks import refuse_leak, trained_on
-from tex_lightning.studies.logged import log_network, test_pieces
+from tex_lightning.studies.logged import log_network, looking, test_pieces
 
 log = logging.getLogger(__name__)
 
@@ -313,9 +314,11 @@ def _test_network(
             classifier, checkpoint, samples, store, directory, config, unknown,
             dataset.condition_bins,
         )  # fmt: skip
-        further = test_pieces(classifier, samples, outcomes, store)
+        look = looking(classifier, samples, outcomes, store)
+        further = test_pieces(classifier, samples, outcomes, store, look)
         if draw:
             draw_figures(outcomes, dataset.classes, kind, directory)
+            keep_samples(directory, kind, look, outcomes, samples, dataset.classes)
     else:
         sample = make_samples(parts.train, modalities)[0]
         result = {"test_samples": 0, **describe_network(classifier, checkpoint, sample, store)}

@@ -1,7 +1,7 @@
 """Tell the loggers of a network what its test has shown."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.learning.loggers import log_test, trial_settings
 from tex_lightning.report.board import Piece, shows
 from tex_lightning.report.embeddings import projector_pieces
+from tex_lightning.report.errors import Look
 from tex_lightning.report.gallery import figure_pieces, pair_pieces, sample_pieces, text_pieces
 from tex_lightning.report.samples import ShownSample, show_sample
 from tex_lightning.studies.dataset import Dataset
@@ -58,38 +59,61 @@ def log_network(
     log_test(loggers, name, told, networks[name], pieces, trial)
 
 
+def looking(
+    classifier: SurfaceClassifier,
+    samples: Sequence[Sample],
+    outcomes: Sequence[Outcome],
+    store: Store,
+) -> Look:
+    """Return what looks at each test sample of a network once."""
+
+    @cache
+    def look(number: int) -> ShownSample:
+        return show_sample(classifier, samples[number], outcomes[number], store)
+
+    return look
+
+
 def test_pieces(
     classifier: SurfaceClassifier,
     samples: Sequence[Sample],
     outcomes: Sequence[Outcome],
     store: Store,
+    look: Look,
 ) -> Iterator[Piece]:
     """Yield what is seen of a network's test: samples to look at and to hear, and embeddings."""
-
-    def look(number: int) -> ShownSample:
-        return show_sample(classifier, samples[number], outcomes[number], store)
-
     yield from sample_pieces(look, outcomes, classifier.card.classes)
     yield from projector_pieces(classifier, samples, outcomes, store)
 
 
-def fold_pieces(
-    dataset: Dataset, outcomes: Sequence[Outcome], checkpoints: Mapping[str, Path]
-) -> Iterator[Piece]:
-    """Yield the samples to look at of a cross-validation, each as the network of its fold sees it.
+def fold_samples(dataset: Dataset, outcomes: Sequence[Outcome]) -> list[Sample]:
+    """Return the samples of the outcomes of all folds."""
+    rows = {(row.modality, row.source): row for row in dataset.recordings}
+    return [
+        Sample(each.label, {key: rows[key, source] for key, source in each.files.items()})
+        for each in outcomes
+    ]
+
+
+def looking_by_fold(
+    dataset: Dataset,
+    samples: Sequence[Sample],
+    outcomes: Sequence[Outcome],
+    checkpoints: Mapping[str, Path],
+) -> Look:
+    """Return what looks at each sample of a cross-validation as the network of its fold does.
 
     Args:
         dataset: The recordings of all folds.
+        samples: The samples.
         outcomes: Outcomes of all folds.
         checkpoints: File of the network by fold.
     """
-    rows = {(row.modality, row.source): row for row in dataset.recordings}
     load = lru_cache(maxsize=2)(load_classifier)
 
+    @cache
     def look(number: int) -> ShownSample:
         outcome = outcomes[number]
-        recordings = {key: rows[key, source] for key, source in outcome.files.items()}
-        sample = Sample(outcome.label, recordings)
-        return show_sample(load(checkpoints[outcome.fold]), sample, outcome, dataset.store)
+        return show_sample(load(checkpoints[outcome.fold]), samples[number], outcome, dataset.store)
 
-    yield from sample_pieces(look, outcomes, dataset.classes)
+    return look

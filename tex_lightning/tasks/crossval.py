@@ -23,6 +23,8 @@ from tex_lightning.evaluation.novelty import pool_unknown
 from tex_lightning.evaluation.outcomes import read_outcomes, write_outcomes, write_results
 from tex_lightning.learning.loggers import open_loggers
 from tex_lightning.learning.train import checkpoint_of
+from tex_lightning.report.errors import keep_samples
+from tex_lightning.report.gallery import sample_pieces
 from tex_lightning.report.table import print_results
 from tex_lightning.studies.dataset import Dataset
 from tex_lightning.studies.evaluate_checkpoint import draw_figures, pooled_metrics
@@ -34,7 +36,7 @@ from tex_lightning.studies.fold import (
     run_fold,
     training_results,
 )
-from tex_lightning.studies.logged import fold_pieces, log_network
+from tex_lightning.studies.logged import fold_samples, log_network, looking_by_fold
 
 COUNTED = ("correct", "test_samples", "vote_accuracy", "vote_ci95")
 KEPT = ("fragment_accuracy", "vote_accuracy", "test_samples", "fit_seconds", "checkpoint")
@@ -67,7 +69,10 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         loggers = open_loggers(config.logger, job.directory, name)
         files = {home.name: checkpoint_of(home, name) for home in folds}
         outcomes = read_outcomes(job.directory / "predictions" / f"{name}.csv")
-        further = fold_pieces(dataset, outcomes, files)
+        samples = fold_samples(dataset, outcomes)
+        look = looking_by_fold(dataset, samples, outcomes, files)
+        keep_samples(job.directory, name, look, outcomes, samples, dataset.classes)
+        further = sample_pieces(look, outcomes, dataset.classes)
         log_network(config, dataset, job.directory, loggers, networks, divisions, further)
     seconds = spent + sum(results["wall_seconds"] for results in folds.values())
     results = training_results(config, dataset, networks, seconds)

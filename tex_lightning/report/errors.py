@@ -1,0 +1,239 @@
+"""The wrong samples of a test, kept in the run folder, and as cards of its report.
+
+``samples/NETWORK.json`` says what became of each, beside pictures and sounds of its recordings.
+"""
+
+import base64
+import json
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tex_lightning.core.files import write_bytes, write_text
+from tex_lightning.data.folds import Sample
+from tex_lightning.evaluation.confusion import confused_pairs, own_pairs
+from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
+from tex_lightning.report.board import jpeg, wav
+from tex_lightning.report.gallery import PAIRS, side_of
+from tex_lightning.report.samples import ShownSample, ShownSense, worst
+from tex_lightning.report.table import Table, read_or_empty
+from tex_lightning.text import printable
+
+FOLDER = "samples"
+MOST = 50  # wrong samples of a network that are kept, the worst of them
+HEARD = 2.0  # s of a sound
+LOWEST = 11_025  # Hz: faster sounds are kept at half, a quarter, … of their rate down to it
+Look = Callable[[int], ShownSample]
+Kept = dict[str, Any]
+
+
+def keep_samples(
+    directory: Path,
+    network: str,
+    look: Look,
+    outcomes: Sequence[Outcome],
+    samples: Sequence[Sample],
+    classes: Sequence[str],
+) -> None:
+    """Write the worst wrong samples of a network, and both sides of the pairs that it confuses.
+
+    Args:
+        directory: The run folder.
+        network: Name of the network.
+        look: Looks at the sample of an outcome, by its number.
+        outcomes: What became of all samples.
+        samples: The samples.
+        classes: Names of the classes.
+    """
+    wrong = [n for n in worst(outcomes, MOST) if outcomes[n].label != outcomes[n].predicted]
+    pairs = []
+    for pair in confused_pairs(outcomes, classes)[:PAIRS]:
+        sides = (side_of(outcomes, pair.label, pair.predicted), side_of(outcomes, pair.predicted))
+        pairs.append({**pair._asdict(), "sides": [n for n in sides if n is not None]})
+    numbers = dict.fromkeys([*wrong, *(n for pair in pairs for n in pair["sides"])])
+    home = directory / FOLDER
+    told = {
+        str(number): _kept(home, f"{network}_{number}", look(number), samples[number])
+        for number in numbers
+    }
+    errors = sum(outcome.label != outcome.predicted for outcome in outcomes)
+    content = {"errors": errors, "wrong": wrong, "pairs": pairs, "samples": told}
+    write_text(home / f"{network}.json", json.dumps(content, indent=1))
+
+
+def _kept(home: Path, name: str, shown: ShownSample, sample: Sample) -> Kept:
+    """Write the files of one sample and return what is told of it."""
+    outcome, known = shown.outcome, shown.outcome.class_probabilities
+    conditions = {k: v for row in sample.recordings.values() for k, v in row.conditions}
+    facts = {
+        "probability of the class": f"{known.get(outcome.label, 0):.1%}",
+        "probability of the label": f"{known.get(outcome.predicted, 0):.1%}",
+        "votes for the label": f"{outcome.share:.0%} of {outcome.fragments}",
+        "novelty": "" if np.isnan(outcome.novelty) else f"{outcome.novelty:.2f}",
+        "group": outcome.group,
+        "fold": outcome.fold,
+        **conditions,
+    }
+    return {
+        "label": outcome.label,
+        "predicted": outcome.predicted,
+        "files": dict(outcome.files),
+        "facts": {key: value for key, value in facts.items() if value},
+        "senses": {
+            sense: _sense(home, f"{name}_{sense}", each) for sense, each in shown.senses.items()
+        },
+    }
+
+
+def _sense(home: Path, name: str, shown: ShownSense) -> dict[str, str]:
+    """Write pictures and sound of a recording; return their names."""
+    pictures = {"trace": shown.trace, "input": shown.picture, "classes": shown.map}
+    files = {}
+    for what, pixels in pictures.items():
+        if pixels is not None:
+            write_bytes(home / f"{name}_{what}.jpg", jpeg(pixels))
+            files[what] = f"{name}_{what}.jpg"
+    if shown.sound is not None:
+        samples, rate = shown.sound
+        step = max(1, rate // LOWEST)  # means of so many samples: to hear, not to measure
+        samples = samples[: int(HEARD * rate) // step * step]
+        if len(samples):
+            means = samples.reshape(-1, step).mean(axis=1) if step > 1 else samples
+            write_bytes(home / f"{name}.wav", wav(means, rate // step))
+            files["sound"] = f"{name}.wav"
+    return files
+
+
+def error_cards(directory: Path) -> dict[str, Any]:
+    """Return what the page of a run says of wrong samples; empty without any.
+
+    Returns:
+        ``cards`` of all wrong samples, each with the other networks that were ``right``; ``pairs``
+        with the cards of their sides; ``classes`` and ``networks`` to filter by; ``said``.
+    """
+    kept = {file.stem: read_or_empty(file) for file in (directory / FOLDER).glob("*.json")}
+    outcomes = _outcomes(directory, kept)
+    order = [name for name in outcomes if name in kept]
+    right = _right(outcomes)
+    cards, pairs, said = [], [], []
+    for network in order:
+        told = kept[network]
+        for number in told["wrong"]:
+            card = _card(directory, network, told["samples"][str(number)])
+            cards.append({**card, "right": right(network, card["files"])})
+        if told["errors"] > len(told["wrong"]):
+            said.append(f"{network}: the worst {len(told['wrong'])} of {told['errors']}")
+        pairs += _pairs(directory, network, told, outcomes)
+    if not cards and not pairs:
+        return {}
+    classes = sorted({card[key] for card in cards for key in ("label", "predicted")})
+    return {"cards": cards, "pairs": pairs, "classes": classes, "networks": order, "said": said}
+
+
+def _outcomes(directory: Path, names: Mapping[str, Kept]) -> dict[str, list[Outcome]]:
+    """Return the outcomes of each network of a run, in the order of ``results.json``."""
+    results = read_or_empty(directory / "results.json")
+    files = {
+        name: directory / "predictions" / f"{name}.csv" for name in results.get("networks", {})
+    }
+    return {name: read_outcomes(file) for name, file in files.items() if file.is_file()}
+
+
+def _right(
+    outcomes: Mapping[str, Sequence[Outcome]],
+) -> Callable[[str, Mapping[str, str]], list[str]]:
+    """Return a function that names the networks that were right about a sample of another one.
+
+    Samples are the same if they have a file in common, or a fusion's sample has files of both.
+    """
+    beside: dict[str, set[str]] = defaultdict(set)  # files that some sample has together
+    correct: dict[str, dict[str, bool]] = {}
+    for network, each in outcomes.items():
+        correct[network] = {}
+        for outcome in each:
+            for file in outcome.files.values():
+                beside[file].update(outcome.files.values())
+                correct[network][file] = outcome.label == outcome.predicted
+
+    def named(network: str, files: Mapping[str, str]) -> list[str]:
+        related = {other for file in files.values() for other in beside[file]}
+        return [
+            name
+            for name, known in correct.items()
+            if name != network and any(known.get(file, False) for file in related)
+        ]
+
+    return named
+
+
+def _pairs(
+    directory: Path, network: str, told: Kept, outcomes: Mapping[str, Sequence[Outcome]]
+) -> list[Kept]:
+    classes = sorted({outcome.label for each in outcomes.values() for outcome in each})
+    others = {
+        (own.pair.label, own.pair.predicted): own.others
+        for own in own_pairs(outcomes, classes, most=len(classes) ** 2)
+        if own.network == network
+    }
+    return [
+        {
+            "network": network,
+            **{key: pair[key] for key in ("label", "predicted", "share")},
+            "others": others.get((pair["label"], pair["predicted"]), {}),
+            "sides": [_card(directory, network, told["samples"][str(n)]) for n in pair["sides"]],
+        }
+        for pair in told["pairs"]
+    ]
+
+
+def _card(directory: Path, network: str, sample: Kept) -> Kept:
+    """Return a kept sample with its files inside."""
+    senses = {
+        name: {what: _inside(directory / FOLDER / file) for what, file in files.items()}
+        for name, files in sample["senses"].items()
+    }
+    links = {file: _link(file) for file in sample["files"].values()}
+    return {**sample, "network": network, "senses": senses, "links": links, "right": []}
+
+
+def _inside(file: Path) -> str:
+    kind = "audio/wav" if file.suffix == ".wav" else "image/jpeg"
+    content = file.read_bytes() if file.is_file() else b""
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
+
+
+def _link(source: str) -> str:
+    """Return the address of a recording's file; empty where there is none."""
+    path = Path(source.partition("#")[0])
+    return path.as_uri() if path.is_absolute() and path.is_file() else ""
+
+
+def class_tables(directory: Path) -> list[Table]:
+    """Return for each network a row for each class: how many, recall, precision, most confused."""
+    tables = []
+    for network, outcomes in _outcomes(directory, {}).items():
+        labels = sorted({outcome.label for outcome in outcomes})
+        rows = [_class_row(label, outcomes) for label in labels]
+        tables.append(Table(f"{network}: classes", rows))
+    return tables
+
+
+def _class_row(label: str, outcomes: Sequence[Outcome]) -> dict[str, str]:
+    own = [outcome for outcome in outcomes if outcome.label == label]
+    called = sum(outcome.predicted == label for outcome in outcomes)
+    correct = sum(outcome.predicted == label for outcome in own)
+    taken: dict[str, int] = defaultdict(int)
+    for outcome in own:
+        if outcome.predicted != label:
+            taken[outcome.predicted] += 1
+    most = max(taken, key=taken.__getitem__, default="")
+    return {
+        "class": printable(label),
+        "n": str(len(own)),
+        "recall": f"{correct / len(own):.1%}",
+        "precision": f"{correct / called:.1%}" if called else "never called",
+        "most confused with": f"{printable(most)} ({taken[most]})" if most else "",
+    }
