@@ -1,5 +1,7 @@
 """The Python door: files and arrays in, predictions out."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import soundfile
@@ -155,3 +157,30 @@ def test_signals_of_a_stream_come_together(tmp_path):
         assert (found.modalities, found.fragments) == (("haptic", "sound"), fragments)
         with pytest.raises(tl.UserError, match="takes haptic and sound with every push"):
             stream.push(TRACE)
+
+
+def test_many_are_predicted_as_each_alone(bands, surfaces):
+    model = tl.load(bands)
+    files = sorted(surfaces.glob("*/haptic/*_0.wav"))
+    many = model.predict_many(haptic=files)
+    alone = [model.predict(haptic=file) for file in files]
+    assert [replace(found, latency_ms=0) for found in many] == [
+        replace(found, latency_ms=0) for found in alone
+    ]
+    with pytest.raises(tl.UserError, match="2 of haptic, 1 of image"):
+        model.predict_many(haptic=files[:2], image=files[:1])
+    with pytest.raises(tl.UserError, match="nowhere"):
+        model.predict_many(haptic=[files[0], "nowhere.wav"])
+
+
+def test_a_model_says_what_it_is_and_how_good_it_was(bands):
+    model = tl.load(bands)
+    assert model.classes == ["alpha", "beta", "gamma"]
+    said = repr(model)
+    assert "3 classes (alpha, beta, gamma)" in said
+    assert "takes haptic at 10,000 Hz" in said
+    assert "folds" not in said
+    known = {"vote_accuracy": 0.9, "correct": 27, "test_samples": 30, "vote_ci95": [0.74, 0.97]}
+    training = {**model.card.training, "crossval": {**known, "folds": 10}}
+    model.card = replace(model.card, training=training)
+    assert "90.0% (27/30, 74.0% to 97.0%) in 10 folds" in repr(model)

@@ -18,15 +18,18 @@ from tex_lightning.config.instantiation import trust
 from tex_lightning.config.mistakes import MISTAKES, explain
 from tex_lightning.core.devices import pick_device, synchronise, use_tf32
 from tex_lightning.core.run_folder import find_checkpoint
+from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.quality import Quality, together
 from tex_lightning.errors import UserError
 from tex_lightning.inference.early_stopping import make_inference_model
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.prediction import Prediction, check_unknown, describe
 from tex_lightning.inference.stream import LiveStream
+from tex_lightning.senses.base import Sense
 
 Input = str | Path | np.ndarray[Any, Any] | Tensor | list[Any] | None
 TASK = "predict"
+SHOWN = 5  # classes that are named
 
 
 def load(path: str | Path, *overrides: str, trusted: Sequence[str] = ()) -> "Predictor":
@@ -127,6 +130,67 @@ class Predictor:
         quality = together(quality for _, quality in decoded.values())
         return describe(vote, decider.card, quality, self.config.top_k, latency, modalities)
 
+    @property
+    def classes(self) -> list[str]:
+        """Names of the classes, in the order of their probabilities."""
+        return self.card.classes
+
+    def __repr__(self) -> str:
+        """Say what it is, what it takes, and how good it was in a cross-validation."""
+        names = self.classes
+        more = ", …" if len(names) > SHOWN else ""
+        takes = [_taken(sense) for sense in self.classifier.senses.values()]
+        said = [
+            self.card.title,
+            f"{len(names)} classes ({', '.join(names[:SHOWN])}{more})",
+            f"takes {' and '.join(takes)}",
+            f"{self.classifier.count_parameters():,} parameters",
+        ]
+        if told := self.card.training.get("crossval"):
+            low, high = told["vote_ci95"]
+            said.append(
+                f"{told['vote_accuracy']:.1%} ({told['correct']}/{told['test_samples']}, "
+                f"{low:.1%} to {high:.1%}) in {told['folds']} folds"
+            )
+        return f"<{type(self).__name__}: {'; '.join(said)}>"
+
+    def predict_many(
+        self,
+        *,
+        rate: float | None = None,
+        colour: str = "rgb",
+        **recordings: Sequence[Input],
+    ) -> list[Prediction]:
+        """Classify several samples, one after the other; arguments are lists of those of `predict`.
+
+        Args:
+            rate: As in :meth:`predict`, of all.
+            colour: As in :meth:`predict`, of all.
+            **recordings: By modality a recording of each sample, in the same order; None in a list
+                means absent.
+
+        Returns:
+            A prediction for each sample, equal to that of :meth:`predict`.
+
+        Raises:
+            UserError: If the lists have different lengths, or an input is unusable.
+
+        Example:
+            >>> import tex_lightning as tl
+            >>> model = tl.load("RUN")
+            >>> len(model.predict_many(haptic=["A.wav", "A.wav"], image=["B.jpg", "B.jpg"]))
+            2
+        """
+        lengths = {name: len(given) for name, given in recordings.items()}
+        if len({*lengths.values()}) > 1:
+            told = ", ".join(f"{count} of {name}" for name, count in lengths.items())
+            raise UserError(f"Give as many recordings of every modality, not {told}.")
+        samples = zip(*recordings.values(), strict=True)
+        return [
+            self.predict(rate=rate, colour=colour, **dict(zip(recordings, sample, strict=True)))
+            for sample in samples
+        ]
+
     def stream(
         self,
         *live: str,
@@ -216,3 +280,11 @@ class Predictor:
                 ranges = self.card.input_ranges.get(name, {})
                 decoded[name] = sense.decode_input(inputs[name], ranges, **how)
         return decoded
+
+
+def _taken(sense: Sense) -> str:
+    """Say what a sense takes."""
+    decoder = sense.decoder
+    if isinstance(decoder, SignalDecoder):
+        return f"{sense.modality} at {decoder.sampling_rate:,.6g} Hz"
+    return sense.modality
