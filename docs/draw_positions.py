@@ -1,8 +1,8 @@
 """Draw ``positions.png``: what a trained FusionNet says of every position, beside the truth.
 
 ``python docs/draw_positions.py RUN`` takes a run of ``python -m tex_lightning model=fusion``. It
-joins two of its test samples, those that the networks know best and least of all that they know: the
-second halves of two traces, and halves of two photos. The surfaces are synthetic.
+joins two of its test samples, those that the networks know best and least of all that they know:
+the second halves of two traces, and halves of two photos. The surfaces are synthetic.
 """
 
 import sys
