@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import soundfile
-from scipy.signal import resample_poly
+from scipy.signal import chirp, resample_poly
 
 from tex_lightning.classifier.classifier import content_seed
 from tex_lightning.classifier.vote import random_tuples
@@ -234,3 +234,22 @@ def test_photos_are_halved_and_judged_as_by_the_package(node, tmp_path, contrast
     np.testing.assert_array_equal(found["pixels"], expected.flatten())
     quality = photo_quality(expected, ranges, "photo")
     assert found["quality"] == {"warnings": list(quality.warnings), "empty": quality.empty}
+
+
+def test_the_spectrogram_to_look_at_follows_a_sweep(node):
+    """The loudest band of each frame is that of the sweep's frequency there."""
+    rate, seconds = 2000, 2.0
+    times = np.arange(int(rate * seconds)) / rate
+    sweep = chirp(times, 80, seconds, 800)
+    found = node(
+        {"spectrum": "spectrogram"},
+        "const found = spectrogram([given.axis], 2000);"
+        "return { ...found, data: Array.from(found.data) };",
+        axis=sweep.tolist(),
+    )
+    data = np.reshape(found["data"], (found["bands"], found["frames"]))
+    loudest = np.array(found["frequencies"])[data.argmax(axis=0)]
+    centres = found["start"] + found["hop"] * np.arange(found["frames"])
+    expected = 80 + (800 - 80) * centres / seconds
+    assert np.median(np.abs(np.log2(loudest / expected))) < 0.1  # a tenth of an octave
+    assert centres[-1] == pytest.approx(seconds - found["start"], abs=0.01)

@@ -1,6 +1,7 @@
 // The figures of one sense: what was recorded, what the network made of it, where it says what.
 
 import { drawPhoto, drawSpectrogram, drawWaveform } from "./draw.js";
+import { spectrogram } from "./spectrum.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -80,14 +81,23 @@ export class SenseFigures {
     const length = `${seconds.toFixed(2)} s at ${Math.round(rate).toLocaleString("en")} Hz`;
     this.#describe(".wave", `Waveform of the ${what}, ${length}.${moving}`, null);
     const input = this.#result && this.#output("input");
-    this.find(".heat").hidden = !input;
-    if (!input || map === null) return;
+    this.find(".heat").hidden = map === null;
+    if (map === null) return;
+    if (!input) return this.#drawBands(map, { axes, rate, seconds });
     const [bands, frames] = input.dims;
     drawSpectrogram(this.find(".spectrogram"), {
       ...map, data: input.data, bands, frames, seconds, start: begin ?? 0,
       hop: this.sense.hop_seconds, frequencies: this.sense.frequencies, stride: this.sense.stride,
     }); // prettier-ignore
     const text = `Spectrogram as the network reads it, ${bands} bands, and the class of every position by this modality alone.`;
+    this.#describe(".heat", text, map);
+  }
+
+  /** Of a network that reads no spectrogram: one to look at, and the classes of its fragments. */
+  #drawBands(map, { axes, rate, seconds }) {
+    const drawn = spectrogram(axes, rate);
+    drawSpectrogram(this.find(".spectrogram"), { ...drawn, ...map, seconds, stride: null }); // prettier-ignore
+    const text = "Spectrogram, and the class of each half second of the movement, whose rests are left out.";
     this.#describe(".heat", text, map);
   }
 
