@@ -5,6 +5,7 @@ import io
 import pytest
 from rich.console import Console
 
+from tex_lightning.core.console import Screen
 from tex_lightning.report import sweep, table
 from tex_lightning.report.trials import sweep_table
 from tex_lightning.tasks import frontier
@@ -29,6 +30,7 @@ def printed(monkeypatch):
     console = Console(width=80, file=io.StringIO())
     for module in (table, sweep, frontier):
         monkeypatch.setattr(module, "console", console)
+    monkeypatch.setattr(Screen, "sweep", False)  # whatever ran before in this process
 
     def read() -> str:
         text = console.file.getvalue()
