@@ -3,6 +3,7 @@
 import pkgutil
 import sys
 from concurrent.futures import ProcessPoolExecutor
+from importlib import import_module
 from multiprocessing import get_context
 from typing import Any
 
@@ -45,7 +46,7 @@ def _shown(value: float | str) -> str:
 
 
 def main(arguments: list[str]) -> int:
-    """Run the benchmarks named, or all but the long ones.
+    """Run the benchmarks named, or all but the long ones; ``--help`` says what each does.
 
     ``--KEY=VALUE`` is for those that have such an option. The exit status is 2 for a name that
     there is not.
@@ -59,6 +60,10 @@ def main(arguments: list[str]) -> int:
             f"Error: There is no benchmark {', '.join(unknown)}; choose from {', '.join(names())}."
         )
         return 2
+    if "help" in options:
+        for name in chosen or names():
+            print(f"{name}\n\n{import_module(f'benchmarks.{name}').__doc__}")
+        return 0
     table = Table(title="benchmarks")
     for heading in ("benchmark", "figure"):
         table.add_column(heading)

@@ -236,3 +236,8 @@ def test_intervals_of_paired_differences_hold_their_level(lost, gained):
             )
             covered += chance * (low <= gained - lost <= high)
     assert 0.94 < covered < 0.998
+
+
+def test_help_says_what_a_benchmark_does(capsys):
+    assert runner.main(["accuracy", "--help"]) == 0
+    assert "--only" in capsys.readouterr().out
