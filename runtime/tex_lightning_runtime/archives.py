@@ -13,6 +13,7 @@ import numpy as np
 
 RATES = ("fs", "rate", "sampling_rate", "samplerate", "sample_rate", "sr", "frequency", "hz")
 ARCHIVES = (".npz", ".mat")
+NESTED = ("struct", "cell", "object", "opaque", "function")  # of SciPy's names of classes
 
 
 def read_archive(path: Path, most: int) -> tuple[np.ndarray[Any, Any], float | None]:
@@ -59,12 +60,17 @@ def _mat(path: Path, most: int) -> dict[str, np.ndarray[Any, Any]]:
     except ImportError as error:
         raise ValueError("reading .mat takes SciPy: pip install scipy, or save .npy") from error
     try:
-        claimed = sum(math.prod(shape) for _, shape, _ in whosmat(path))
-        found = loadmat(path) if claimed <= most else {}
+        listed = whosmat(path)
+        # what has others inside does not say how many, and is no signal
+        plain = [name for name, _, kind in listed if kind not in NESTED]
+        claimed = sum(math.prod(shape) for name, shape, _ in listed if name in plain)
+        found = loadmat(path, variable_names=plain) if plain and claimed <= most else {}
     except NotImplementedError as error:
         raise ValueError("it is of MATLAB 7.3 (HDF5); save it with the option -v7") from error
     except Exception as error:  # of any kind
         raise ValueError("it is no whole .mat file") from error
     if claimed > most:
         raise ValueError(f"it claims {claimed:,} numbers")
+    if listed and not plain:
+        raise ValueError("it has only structs or cells; save the signal as a variable of its own")
     return {name: each for name, each in found.items() if isinstance(each, np.ndarray)}

@@ -51,3 +51,16 @@ def test_hostile_and_damaged_archives_are_refused(tmp_path):
         file.write_bytes(file.read_bytes()[:700])
         with pytest.raises(UserError, match="no whole"):
             read_samples(file)
+
+
+def test_what_is_inside_of_structs_is_not_loaded(tmp_path, monkeypatch):
+    """Their sizes are not told before they are read: zeros compress a thousandfold."""
+    inner = {"signal": np.zeros(2_000_000)}
+    file = tmp_path / "a.mat"
+    savemat(file, {"data": inner, "acc": SAMPLES}, do_compression=True)
+    samples, _ = read_archive(file, 2000)
+    np.testing.assert_array_equal(samples, SAMPLES)
+    savemat(file, {"data": inner}, do_compression=True)
+    monkeypatch.setattr("scipy.io.loadmat", lambda *_, **__: pytest.fail("it was loaded"))
+    with pytest.raises(ValueError, match="only structs or cells"):
+        read_archive(file, 2000)

@@ -83,14 +83,15 @@ def class_metrics(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     A class without test samples has no recall, and counts for none of the means. The first class of
     a sample is its label, the others follow by their mean probability.
 
+    Args:
+        outcomes: Of at least one sample.
+
     Returns:
         ``balanced_accuracy``, the mean recall; ``macro_f1``; ``recall`` by class;
         ``top_k_accuracy`` by k, of those below the number of classes.
     """
-    from torchmetrics.functional.classification import (  # slow to import, and of tests alone
-        multiclass_f1_score,
-        multiclass_recall,
-    )
+    # slow to import, and of tests alone
+    from torchmetrics.functional.classification import multiclass_stat_scores
 
     known = {name: None for outcome in outcomes for name in outcome.class_probabilities}
     seen = {name: None for each in outcomes for name in (each.label, each.predicted)}
@@ -99,14 +100,15 @@ def class_metrics(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     truth = torch.tensor([index[outcome.label] for outcome in outcomes])
     found = torch.tensor([index[outcome.predicted] for outcome in outcomes])
     count = max(2, len(classes))
-    recall = multiclass_recall(found, truth, count, average="none").double()
-    tested = torch.tensor(sorted({*truth.tolist()}))
-    of_class = {classes[i]: float(recall[i]) for i in tested.tolist()}
-    f1 = multiclass_f1_score(found, truth, count, average="macro")
+    counts = multiclass_stat_scores(found, truth, count, average=None).double()
+    right, wrongly, _, _, support = counts.unbind(dim=1)  # exact, as float32 shares are not
+    recall, called = right / support.clamp(min=1), right + wrongly
+    of_class = {classes[i]: float(recall[i]) for i in support.nonzero()[:, 0].tolist()}
+    f1 = (2 * right / (support + called).clamp(min=1))[support + called > 0].mean()
     ranks = [_rank(outcome) for outcome in outcomes] if known else []
     top = {str(k): sum(rank < k for rank in ranks) / len(ranks) for k in TOP if k < len(known)}
     return {
-        "balanced_accuracy": float(recall[tested].mean()),
+        "balanced_accuracy": float(recall[support > 0].mean()),
         "macro_f1": float(f1),
         "recall": of_class,
         "top_k_accuracy": top,

@@ -116,7 +116,8 @@ def _nothing_in(root: Path, others: Sequence[Path]) -> str:
     cure = next((text for kind, text in CURES.items() if kind in kinds), "")
     return (
         f"Folder {root} holds no recordings; put traces in {root}/CLASS/haptic "
-        f"({', '.join(TRACE_SUFFIXES)}) and photos in {root}/CLASS/image (.jpg, .png, …).{cure}"
+        f"({', '.join(TRACE_SUFFIXES)}), sounds in {root}/CLASS/sound (.wav, .flac) and photos in "
+        f"{root}/CLASS/image (.jpg, .png, …).{cure}"
     )
 
 
