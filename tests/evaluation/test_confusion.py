@@ -73,3 +73,14 @@ def test_a_network_alone_has_none_and_classes_that_it_does_not_know_no_row():
     assert own_pairs({"haptic": TOUCH}, CLASSES) == []
     counts = fragment_counts([outcome("glass", oak=4)], CLASSES)
     assert counts.sum() == 0
+
+
+def test_a_pair_that_another_network_confuses_the_other_way_round_is_no_pair_of_one_alone():
+    def outcome(number: int, label: str, predicted: str) -> Outcome:
+        votes = json.dumps({predicted: 4})
+        return Outcome({"haptic": str(number)}, label, predicted, 1.0, 4, 0, 1.0, votes=votes)
+
+    touch = [outcome(0, "a", "b"), outcome(1, "a", "a"), outcome(2, "b", "b")]
+    sight = [outcome(0, "a", "a"), outcome(1, "a", "a"), outcome(2, "b", "a")]
+    (own,) = own_pairs({"touch": touch, "sight": sight}, ["a", "b"])
+    assert (own.network, own.others) == ("sight", {"touch": 0.5})

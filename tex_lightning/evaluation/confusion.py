@@ -73,13 +73,18 @@ def confused_pairs(outcomes: Sequence[Outcome], classes: Sequence[str]) -> list[
     return list(listed.values())
 
 
+def _share(counts: Counts, row: int, column: int) -> float:
+    """Return the share of the fragments of one class that are taken for another."""
+    return float(counts[row, column] / max(1, counts[row].sum()))
+
+
 class OwnPair(NamedTuple):
     """A pair that one network confuses, and what the others make of it.
 
     Attributes:
         network: Name of the network.
         pair: What it confuses.
-        others: By network the share of fragments of that class that it takes for the other.
+        others: By network the larger share of fragments of one of both that it takes for the other.
     """
 
     network: str
@@ -105,7 +110,7 @@ def own_pairs(
         for pair in confused_pairs(each, classes):
             row, column = index[pair.label], index[pair.predicted]
             others = {
-                name: float(table[row, column] / max(1, table[row].sum()))
+                name: max(_share(table, row, column), _share(table, column, row))
                 for name, table in counts.items()
                 if name != network
             }
