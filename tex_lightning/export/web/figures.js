@@ -97,7 +97,7 @@ export class SenseFigures {
   #drawBands(map, { axes, rate, seconds }) {
     const drawn = spectrogram(axes, rate);
     drawSpectrogram(this.find(".spectrogram"), { ...drawn, ...map, seconds, stride: null }); // prettier-ignore
-    const text = "Spectrogram, and the class of each half second of the movement, whose rests are left out.";
+    const text = "Spectrogram, and the classes of the movement, half second by half second: where rests are left out, not below their time.";
     this.#describe(".heat", text, map);
   }
 
