@@ -125,6 +125,7 @@ class FittedBaseline(nn.Module):
         super().__init__()
         self.baseline = baseline
         self.min_size = (baseline.min_side, baseline.min_side)
+        self.contract_part = as_part(baseline)
 
     def get_extra_state(self) -> dict[str, Tensor]:
         """Return what was fitted."""

@@ -1,11 +1,13 @@
 """Contracts of custom classes; their exceptions keep the traceback.
 
-:mod:`tex_lightning.learning.trial` tries those of training once before work.
+:mod:`tex_lightning.classifier.trial` tries those of training once before work, and
+:mod:`tex_lightning.testing` those of any part.
 """
 
 import importlib
+import inspect
 import pkgutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -129,6 +131,31 @@ def fault_of(error: BaseException) -> str | None:
     """Return what is noted on an error."""
     said: str | None = getattr(error, FAULT, None)
     return said
+
+
+def check_call(part: Part, called: Callable[..., object], *arguments: str) -> None:
+    """Reject a function or method that cannot be called with so many arguments.
+
+    Args:
+        part: Part that it belongs to.
+        called: The function or bound method.
+        arguments: Names of the arguments, as the contract has them.
+
+    Raises:
+        UserError: Naming what it takes, and what it gets.
+    """
+    try:
+        signature = inspect.signature(called)
+    except ValueError:  # of a function in C
+        return
+    try:
+        signature.bind(*arguments)
+    except TypeError as error:
+        takes = ", ".join(signature.parameters) or "nothing"
+        name = getattr(called, "__name__", "it")
+        raise breach(
+            *part, f"has {name}, which takes {takes}, where it gets {', '.join(arguments)}"
+        ) from error
 
 
 def breach(key: str, kind: str, part: object, why: str) -> UserError:

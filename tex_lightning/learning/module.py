@@ -20,7 +20,6 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
 from tex_lightning.config.instantiation import build, call
 from tex_lightning.config.model import FUSION
-from tex_lightning.core.contract import breach, calling, describe
 from tex_lightning.core.devices import full_precision
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.errors import UserError
@@ -28,6 +27,7 @@ from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.networks.fusionnet import FusionLayer
 from tex_lightning.senses.base import Change
+from tex_lightning.senses.photo import augment
 
 REFRESH = 5  # steps, after which the progress bar shows new figures
 APART = 1 << 50  # between the dropout of two processes, more than seeds and epochs span
@@ -91,12 +91,7 @@ class SurfaceModule(LightningModule):
 
     def _augmented(self, patches: Tensor) -> Tensor:
         """Apply the recipe's augmentation to photos (batch, 3, side, side) in [0, 1]."""
-        part = f"model.{self.kind}.fit.augmentation", "augmentation", self.augmentation
-        with calling(*part):
-            pixels: object = self.augmentation(patches)
-        if not isinstance(pixels, Tensor) or pixels.dim() != 4 or len(pixels) != len(patches):
-            raise breach(*part, f"returned {describe(pixels)} for a batch of {len(patches)}")
-        return pixels
+        return augment(f"model.{self.kind}.fit.augmentation", self.augmentation, patches)
 
     @property
     def network(self) -> Any:  # noqa: ANN401

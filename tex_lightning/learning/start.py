@@ -1,7 +1,6 @@
 """Start a network: a trunk from given weights, and layers that are fitted in closed form."""
 
 import hashlib
-import inspect
 import json
 import logging
 from collections import Counter
@@ -24,7 +23,7 @@ from tex_lightning.core.console import log_once
 from tex_lightning.core.contract import calling
 from tex_lightning.core.groups import leave_out
 from tex_lightning.core.progress import track
-from tex_lightning.data.banks import Bank, Indices, InputBank, PhotoBank, mirrored, random_corner
+from tex_lightning.data.banks import Indices, PhotoBank, mirrored, random_corner
 from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
@@ -36,6 +35,7 @@ from tex_lightning.networks.trunks import Trunk
 from tex_lightning.networks.trunks.efficientnet_lite import TextureFeatures
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.weights import load_trunk_weights, warn_of_random_weights
+from tex_lightning.senses.signal import fit_closed_form
 
 log = logging.getLogger(__name__)
 
@@ -160,20 +160,6 @@ def fits_probabilities(classifier: SurfaceClassifier) -> bool:
 def scores_textures(network: nn.Module) -> bool:
     """Return whether FC3 scores the texture features of a trunk as they are."""
     return isinstance(network, VisualNet) and not network.has_hidden_layers
-
-
-def fit_closed_form(network: Any, bank: Bank, labels: Indices, groups: Sequence[str]) -> None:  # noqa: ANN401
-    """Fit a network that has a method ``fit`` to all recordings and their perturbed copies.
-
-    It gets the ``groups`` of the inputs, and which of the ``recordings`` each is a version of, if
-    it takes them.
-    """
-    inputs = cast(InputBank, bank).inputs
-    given: list[Any] = [inputs, torch.from_numpy(np.resize(labels, len(inputs)))]
-    offered: dict[str, Sequence[Any]] = {"groups": groups, "recordings": range(len(labels))}
-    takes = inspect.signature(network.fit).parameters
-    versions = len(inputs) // len(labels)
-    network.fit(*given, **{name: [*x] * versions for name, x in offered.items() if name in takes})
 
 
 def fit_linear_head(

@@ -1,30 +1,25 @@
 """Checks of what a training makes, before work: settings, weights and every class of a user's."""
 
-import io
-import logging
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import torch
 from torch import Tensor
 
-from tex_lightning.baselines.classifier import BaselineClassifier, FittedBaseline, as_part
+from tex_lightning.baselines.classifier import BaselineClassifier, as_part
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.trial import BATCH, check_outputs, try_parts
 from tex_lightning.config import Config, ModelConfig
 from tex_lightning.config.instantiation import OWN
 from tex_lightning.config.model import FUSION
-from tex_lightning.core.contract import Part, breach, calling, describe
-from tex_lightning.data.datamodule import TrainingBatches
-from tex_lightning.data.recordings import Recording, Recordings, class_indices
+from tex_lightning.core.contract import breach, calling, describe
+from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
 from tex_lightning.learning.loggers import open_loggers
 from tex_lightning.learning.module import SurfaceModule
-from tex_lightning.learning.start import fit_closed_form, start_trunk
+from tex_lightning.learning.start import start_trunk
 from tex_lightning.learning.train import checkpoint_of, make_module
 from tex_lightning.learning.trainer import (
     build_callbacks,
@@ -32,12 +27,7 @@ from tex_lightning.learning.trainer import (
     quiet_lightning,
 )
 from tex_lightning.networks.blocks import is_builtin
-from tex_lightning.senses.base import Sense, as_tensor
-
-log = logging.getLogger(__name__)
-
-FITTED = 4  # recordings of a class on which a fit in closed form is tried
-BATCH = 2
+from tex_lightning.senses.base import Sense
 
 
 def try_training(config: Config, card: Card, directory: Path) -> list[Sense]:
@@ -128,27 +118,8 @@ def try_sense(
         UserError: If a part does not keep its contract.
     """
     module = SurfaceModule(card, dict(fit), 0, {card.kind: piece})
-    (sense,), network = module.classifier.senses.values(), module.network
-    features, scored = _parts(sense)
-    rows = _largest(recordings.of(sense.modality), store, FITTED if hasattr(network, "fit") else 1)
-    labels = np.array(class_indices([row.label for row in rows], card.classes))
-    bank = sense.bank(rows, store, fit, size=piece, seed=0, learn=True)
-    if hasattr(network, "fit"):
-        with calling(*scored):
-            fit_closed_form(network, bank, labels, [row.group_key for row in rows])
-    if any(weight.requires_grad for weight in sense.features.parameters()):
-        log.warning(
-            "%s (%s) has parameters, and training does not change those of features; put layers "
-            "that learn into model.%s.network.", features[0], type(sense.features).__name__,
-            card.kind,
-        )  # fmt: skip
-    batch = TrainingBatches({card.kind: (bank, labels)}, BATCH, 0)[0]
-    _check_numbers(module.train().inputs(batch)[0], features)
-    scores = module.scores(batch)
-    _check_scores(scores[0], scored, len(card.classes))
-    if fit["epochs"]:  # else what has only buffers is fitted in closed form
-        _check_gradient(scores, sense, scored)
-    _check_outputs(module.classifier.eval(), [as_tensor(store.load(row)) for row in rows[:BATCH]])
+    classifier, rebuilt = module.classifier, _rebuilt(module.classifier)
+    try_parts(classifier, rebuilt, fit, piece, recordings, store, module.change)
 
 
 def try_baseline(classifier: BaselineClassifier, recordings: Sequence[Tensor]) -> None:
@@ -168,85 +139,9 @@ def try_baseline(classifier: BaselineClassifier, recordings: Sequence[Tensor]) -
         state: object = classifier.baseline.state()
     if not isinstance(state, dict) or not all(isinstance(x, Tensor) for x in state.values()):
         raise breach(*part, f"has a state that is {describe(state)} of other things than tensors")
-    _check_outputs(classifier.eval(), recordings[:BATCH])
+    check_outputs(classifier.eval(), _rebuilt(classifier).eval(), recordings[:BATCH])
 
 
-def _parts(sense: Sense) -> tuple[Part, Part]:
-    """Return features and network, as a contract names them."""
-    key, network = f"model.{sense.name}", sense.network
-    if isinstance(network, FittedBaseline):
-        return (f"{key}.features", "features", sense.features), as_part(network.baseline)
-    return (f"{key}.features", "features", sense.features), (f"{key}.network", "network", network)
-
-
-def _largest(recordings: Recordings, store: Store, count: int) -> list[Recording]:
-    """Return the largest ``count`` recordings of each class."""
-    largest: list[Recording] = []
-    for label in recordings.classes:
-        rows = [row for row in recordings.rows if row.label == label]
-        largest += sorted(rows, key=store.extent, reverse=True)[:count]
-    return largest
-
-
-def _check_numbers(values: Tensor, part: Part) -> None:
-    if not values.is_floating_point():
-        raise breach(*part, f"returned {describe(values)}")
-    if not bool(values.isfinite().all()):
-        raise breach(*part, "gave NaN or infinity")
-
-
-def _check_scores(scores: Tensor, part: Part, classes: int) -> None:
-    if len(scores) != classes:
-        raise breach(
-            *part, f"gave {len(scores)} scores at each position, and there are {classes} classes"
-        )
-    _check_numbers(scores, part)
-
-
-def _check_gradient(scores: Tensor, sense: Sense, part: Part) -> None:
-    if not scores.requires_grad:
-        raise breach(*part, "gave scores without a gradient, so nothing can be trained")
-    with calling(*part):
-        scores.square().sum().backward()  # type: ignore[no-untyped-call]  # no annotation
-    gradients = [weight.grad for weight in sense.network.parameters() if weight.grad is not None]
-    if not all(bool(weight.isfinite().all()) for weight in gradients):
-        raise breach(*part, "gave scores with a gradient that is NaN or infinite")
-
-
-@torch.inference_mode()
-def _check_outputs(classifier: SurfaceClassifier, recordings: Sequence[Tensor]) -> None:
-    """Check the scores of recordings, and that they are the same once a checkpoint is loaded."""
-    rebuilt = type(classifier)(Card.from_dict(classifier.card.to_dict())).eval()
-    rebuilt.load_state_dict(_saved(classifier.state_dict()))
-    (sense,), (again,) = classifier.senses.values(), rebuilt.senses.values()
-    (features, scored), classes = _parts(sense), len(classifier.card.classes)
-    for recording in recordings:
-        _check_same(partial(sense, recording), partial(again, recording), features)
-        with calling(*scored):  # by its score_layer, if it has one
-            scores = classifier.partial_logits(sense.name, recording)
-        _check_scores(scores, scored, classes)
-        positions = partial(sense.positions, recording, "fc3")
-        _check_same(positions, partial(again.positions, recording, "fc3"), scored)
-
-
-def _saved(state: dict[str, Any]) -> dict[str, Any]:
-    """Return a state as it comes out of a file."""
-    file = io.BytesIO()
-    torch.save(state, file)
-    file.seek(0)
-    loaded: dict[str, Any] = torch.load(file, weights_only=True)
-    return loaded
-
-
-def _check_same(run: Callable[[], Tensor], again: Callable[[], Tensor], part: Part) -> None:
-    """Check that two calls give the same but for rounding."""
-    outputs = []
-    for call in (run, again):
-        torch.manual_seed(0)  # of what draws
-        outputs.append(call().double())
-    one, other = outputs
-    if one.shape != other.shape or not torch.allclose(one, other, rtol=1e-3, atol=1e-4):
-        raise breach(
-            *part, "gives other outputs once it is saved and loaded: of what it learns only "
-            "parameters, buffers (register_buffer) and the state() of a baseline are kept",
-        )  # fmt: skip
+def _rebuilt(classifier: SurfaceClassifier) -> SurfaceClassifier:
+    """Return the classifier as its card builds it anew."""
+    return type(classifier)(Card.from_dict(classifier.card.to_dict()))

@@ -1,6 +1,6 @@
 """The sense whose recordings are photos."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor
 
+from tex_lightning.core.contract import breach, calling, describe
 from tex_lightning.data.banks import PhotoBank
 from tex_lightning.data.decode import Array, PhotoDecoder, as_photo
 from tex_lightning.data.quality import Quality, Ranges, photo_quality
@@ -128,6 +129,27 @@ class PhotoSense(Sense):
         else:
             photo = as_photo(recording, self.decoder, colour, self.modality)
         return torch.from_numpy(photo), photo_quality(photo, ranges, self.what)
+
+
+def augment(key: str, augmentation: Callable[[Tensor], Any], patches: Tensor) -> Tensor:
+    """Apply a recipe's augmentation to photos (batch, 3, side, side) in [0, 1].
+
+    Args:
+        key: Key of the augmentation in the configuration.
+        augmentation: What changes them.
+        patches: The photos.
+
+    Raises:
+        UserError: If it returns no such photos.
+    """
+    part = key, "augmentation", augmentation
+    with calling(*part):
+        pixels: object = augmentation(patches)
+    if not isinstance(pixels, Tensor) or pixels.dim() != 4 or len(pixels) != len(patches):
+        raise breach(*part, f"returned {describe(pixels)} for a batch of {len(patches)}")
+    if not bool(pixels.isfinite().all()):
+        raise breach(*part, "gave NaN or infinity")
+    return pixels
 
 
 def _planes(recording: Tensor) -> Tensor:

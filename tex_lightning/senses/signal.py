@@ -1,10 +1,11 @@
 """The sense whose recordings are signals: traces of acceleration, sounds, forces."""
 
+import inspect
 import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 import torch
@@ -12,7 +13,7 @@ from torch import Tensor
 
 from tex_lightning.core.console import log_once
 from tex_lightning.core.progress import track
-from tex_lightning.data.banks import InputBank
+from tex_lightning.data.banks import Bank, Indices, InputBank
 from tex_lightning.data.decode import Array, SignalDecoder, as_trace, read_trace, to_rate
 from tex_lightning.data.quality import Quality, Ranges, trace_measures, trace_quality
 from tex_lightning.data.recordings import Recording, plural
@@ -194,3 +195,17 @@ class SignalSense(Sense):
         trace = to_rate(raw, rate, target, name)
         measures = trace_measures(trace, rate, target)
         return torch.from_numpy(trace), trace_quality(raw, ranges, self.what, measures)
+
+
+def fit_closed_form(network: Any, bank: Bank, labels: Indices, groups: Sequence[str]) -> None:  # noqa: ANN401
+    """Fit a network that has a method ``fit`` to all recordings and their perturbed copies.
+
+    It gets the ``groups`` of the inputs, and which of the ``recordings`` each is a version of, if
+    it takes them.
+    """
+    inputs = cast(InputBank, bank).inputs
+    given: list[Any] = [inputs, torch.from_numpy(np.resize(labels, len(inputs)))]
+    offered: dict[str, Sequence[Any]] = {"groups": groups, "recordings": range(len(labels))}
+    takes = inspect.signature(network.fit).parameters
+    versions = len(inputs) // len(labels)
+    network.fit(*given, **{name: [*x] * versions for name, x in offered.items() if name in takes})

@@ -1,0 +1,213 @@
+"""The one contract check of the parts of a sense: trained on two recordings, saved and loaded."""
+
+import io
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.core.contract import Part, breach, calling, check_call, describe
+from tex_lightning.data.datamodule import TrainingBatches
+from tex_lightning.data.recordings import Recording, Recordings, class_indices
+from tex_lightning.data.store import Store
+from tex_lightning.networks.blocks import is_builtin
+from tex_lightning.networks.trunks import Trunk
+from tex_lightning.senses.base import Change, Sense, as_tensor
+from tex_lightning.senses.signal import fit_closed_form
+
+log = logging.getLogger(__name__)
+
+FITTED = 4  # recordings of a class on which a fit in closed form is tried
+BATCH = 2
+UNSAVED = "gives other outputs once it is saved and loaded"
+
+
+def try_parts(
+    classifier: SurfaceClassifier,
+    rebuilt: SurfaceClassifier,
+    fit: Mapping[str, Any],
+    piece: int,
+    recordings: Recordings,
+    store: Store,
+    change: Change | None = None,
+) -> None:
+    """Train the network of one sense on two recordings, save it and load it into another.
+
+    Args:
+        classifier: Classifier of a single sense.
+        rebuilt: The same, built anew; it gets the state of ``classifier``.
+        fit: Settings of the training.
+        piece: Length or side of the pieces that it is trained on.
+        recordings: Decoded recordings.
+        store: Store of the decoded recordings.
+        change: The augmentation of photos; None leaves them.
+
+    Raises:
+        UserError: If a part does not keep its contract.
+    """
+    (sense,), network, card = classifier.senses.values(), classifier.network, classifier.card
+    features, scored = parts_of(sense)
+    _check_calls(sense)
+    rows = _largest(recordings.of(sense.modality), store, FITTED if hasattr(network, "fit") else 1)
+    labels = np.array(class_indices([row.label for row in rows], card.classes))
+    bank = sense.bank(rows, store, fit, size=piece, seed=0, learn=True)
+    if hasattr(network, "fit"):
+        with calling(*scored):
+            fit_closed_form(network, bank, labels, [row.group_key for row in rows])
+    if any(weight.requires_grad for weight in sense.features.parameters()):
+        log.warning(
+            "%s (%s) has parameters, and training does not change those of features; put layers "
+            "that learn into model.%s.network.", features[0], type(sense.features).__name__,
+            sense.name,
+        )  # fmt: skip
+    batch: Any = TrainingBatches({sense.name: (bank, labels)}, BATCH, 0)[0]
+    classifier.train()
+    inputs = sense.training_input(batch[sense.name], piece, change)
+    check_numbers(inputs, features)
+    _check_trunk(sense, inputs)
+    scores = sense.score(inputs, "fc3").flatten(2)
+    check_scores(scores[0], scored, len(card.classes))
+    if fit["epochs"]:  # else what has only buffers is fitted in closed form
+        check_gradient(scores, sense, scored)
+    examples = [as_tensor(store.load(row)) for row in rows[:BATCH]]
+    check_outputs(classifier.eval(), rebuilt.eval(), examples)
+
+
+def parts_of(sense: Sense) -> tuple[Part, Part]:
+    """Return features and network, as a contract names them; a baseline is a network, too."""
+    key, network = f"model.{sense.name}", sense.network
+    scored: Part = getattr(network, "contract_part", (f"{key}.network", "network", network))
+    return (f"{key}.features", "features", sense.features), scored
+
+
+def _check_calls(sense: Sense) -> None:
+    """Reject features or a network that cannot be called as they are."""
+    features, scored = parts_of(sense)
+    if not is_builtin(sense.features):
+        argument = "signal" if sense.medium == "signal" else "photos"
+        check_call(features, sense.features.forward, argument)
+    network: Any = sense.network
+    if not is_builtin(network):
+        check_call(scored, network.features, "x", "level")
+
+
+def _largest(recordings: Recordings, store: Store, count: int) -> list[Recording]:
+    """Return the largest ``count`` recordings of each class."""
+    largest: list[Recording] = []
+    for label in recordings.classes:
+        rows = [row for row in recordings.rows if row.label == label]
+        largest += sorted(rows, key=store.extent, reverse=True)[:count]
+    return largest
+
+
+def check_numbers(values: Tensor, part: Part) -> None:
+    """Reject values that are not finite floating-point numbers."""
+    if not values.is_floating_point():
+        raise breach(*part, f"returned {describe(values)}")
+    if not bool(values.isfinite().all()):
+        raise breach(*part, "gave NaN or infinity")
+
+
+def check_scores(scores: Tensor, part: Part, classes: int) -> None:
+    """Reject scores (classes, positions) of another number of classes, or not finite."""
+    if len(scores) != classes:
+        raise breach(
+            *part, f"gave {len(scores)} scores at each position, and there are {classes} classes"
+        )
+    check_numbers(scores, part)
+
+
+def check_gradient(scores: Tensor, sense: Sense, part: Part) -> None:
+    """Reject scores of which nothing can be trained, or whose gradient is not finite."""
+    if not scores.requires_grad:
+        raise breach(*part, "gave scores without a gradient, so nothing can be trained")
+    with calling(*part):
+        scores.square().sum().backward()  # type: ignore[no-untyped-call]  # no annotation
+    gradients = [weight.grad for weight in sense.network.parameters() if weight.grad is not None]
+    if not all(bool(weight.isfinite().all()) for weight in gradients):
+        raise breach(*part, "gave scores with a gradient that is NaN or infinite")
+
+
+def _check_trunk(sense: Sense, inputs: Tensor) -> None:
+    """Reject a user's trunk whose features are not the map that it declares."""
+    trunk = getattr(sense.network, "trunk", None)
+    if isinstance(trunk, Trunk) and not is_builtin(trunk):
+        check_trunk((f"model.{sense.name}.trunk", "trunk", trunk), trunk, inputs)
+
+
+def check_trunk(part: Part, trunk: Trunk, images: Tensor) -> None:
+    """Reject a trunk whose features are not finite (batch, out_channels, rows, columns).
+
+    Args:
+        part: The trunk, as its contract names it.
+        trunk: The trunk.
+        images: Images (batch, 3, height, width).
+
+    Raises:
+        UserError: If they are not.
+    """
+    check_call(part, trunk.forward, "images")
+    with calling(*part):
+        features: object = trunk(images)
+    shape = features.shape if isinstance(features, Tensor) else ()
+    if not isinstance(features, Tensor) or len(shape) != 4 or shape[0] != len(images):
+        raise breach(*part, f"returned {describe(features)} for a batch of {len(images)}")
+    if shape[1] != trunk.out_channels:
+        raise breach(
+            *part, f"returned {describe(features)}, and its out_channels are {trunk.out_channels}"
+        )
+    check_numbers(features, part)
+
+
+@torch.inference_mode()
+def check_outputs(
+    classifier: SurfaceClassifier, rebuilt: SurfaceClassifier, recordings: Sequence[Tensor]
+) -> None:
+    """Check the scores of recordings, and that they are the same once a checkpoint is loaded.
+
+    Args:
+        classifier: Classifier of a single sense.
+        rebuilt: The same, built anew; it gets the state of ``classifier``.
+        recordings: Decoded recordings.
+
+    Raises:
+        UserError: If a part does not keep its contract.
+    """
+    rebuilt.load_state_dict(saved(classifier.state_dict()))
+    (sense,), (again,) = classifier.senses.values(), rebuilt.senses.values()
+    (features, scored), classes = parts_of(sense), len(classifier.card.classes)
+    for recording in recordings:
+        check_same(partial(sense, recording), partial(again, recording), features)
+        with calling(*scored):  # by its score_layer, if it has one
+            scores = classifier.partial_logits(sense.name, recording)
+        check_scores(scores, scored, classes)
+        positions = partial(sense.positions, recording, "fc3")
+        check_same(positions, partial(again.positions, recording, "fc3"), scored)
+
+
+def saved(state: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a state as it comes out of a file."""
+    file = io.BytesIO()
+    torch.save(state, file)
+    file.seek(0)
+    loaded: dict[str, Any] = torch.load(file, weights_only=True)
+    return loaded
+
+
+def check_same(run: Callable[[], Tensor], again: Callable[[], Tensor], part: Part) -> None:
+    """Check that two calls give the same but for rounding."""
+    outputs = []
+    for call in (run, again):
+        torch.manual_seed(0)  # of what draws
+        outputs.append(call().double())
+    one, other = outputs
+    if one.shape != other.shape or not torch.allclose(one, other, rtol=1e-3, atol=1e-4):
+        raise breach(
+            *part, f"{UNSAVED}: of what it learns only parameters, buffers (register_buffer) and "
+            "the state() of a baseline are kept",
+        )  # fmt: skip
