@@ -36,7 +36,7 @@ from tex_lightning.core.devices import keep_memory
 from tex_lightning.data.datamodule import Batch, SurfaceData, TrainingBatches
 from tex_lightning.evaluation.outcomes import environment
 from tex_lightning.learning.module import SurfaceModule
-from tex_lightning.learning.train import train_network
+from tex_lightning.learning.train import Training
 from tex_lightning.studies.dataset import Dataset
 from tex_lightning.studies.fold import complete_recipe, open_training
 
@@ -239,4 +239,4 @@ def _train(
     parts, store = dataset.parts(config.data), dataset.store
     card = configured_card(config, dataset.classes).of(senses)
     card = complete_recipe(config, card, parts, store, unimodal)
-    return train_network(config, card, parts, store, folder, unimodal, (), watch)
+    return Training(config, card, parts, store, folder, unimodal, watchers=[watch]).run()

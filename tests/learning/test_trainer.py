@@ -7,7 +7,7 @@ import torch
 from conftest import make_card, save_checkpoint
 
 from tex_lightning.errors import UserError
-from tex_lightning.learning.train import _take_best, checkpoint_of, train_network
+from tex_lightning.learning.train import Training, _take_best
 from tex_lightning.learning.trainer import CheckpointFiles
 
 
@@ -28,14 +28,13 @@ def test_a_write_that_fails_leaves_the_earlier_checkpoint_whole(tmp_path: Path) 
 
 
 def test_what_a_killed_run_kept_to_resume_from_goes_once_it_is_trained(tmp_path: Path) -> None:
-    final = checkpoint_of(tmp_path, "haptic")
-    working = final.with_suffix("")
     card = make_card("haptic", width=0.1)
-    working.mkdir(parents=True)
-    save_checkpoint(card, final)
-    (working / "last.ckpt").touch()
-    assert train_network(None, card, None, None, tmp_path, {}).card == card
-    assert not working.exists()
+    training = Training(None, card, None, None, tmp_path)
+    training.working.mkdir(parents=True)
+    save_checkpoint(card, training.final)
+    (training.working / "last.ckpt").touch()
+    assert training.run().card == card
+    assert not training.working.exists()
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), 1e30])

@@ -11,7 +11,7 @@ import torch
 
 import tex_lightning as tl
 from tex_lightning.evaluation.outcomes import read_outcomes, wilson_interval
-from tex_lightning.learning import train
+from tex_lightning.learning.train import Training
 
 
 def test_chosen_folds_are_run_and_pooled(crossvalidated):
@@ -41,10 +41,11 @@ def test_a_stopped_run_repeats_no_finished_fold(cli, tiny, crossvalidated, tmp_p
     shutil.rmtree(directory / "folds" / "3")
     (directory / "results.json").unlink()
     trained = []
-    original = train.train_network
+    original = Training.run
     monkeypatch.setattr(
-        "tex_lightning.studies.fold.train_network",
-        lambda *given: trained.append(given[2].test.rows[0].fold) or original(*given),
+        Training,
+        "run",
+        lambda self: trained.append(self.parts.test.rows[0].fold) or original(self),
     )
     arguments = ["task=crossval", "model=haptic", *tiny, f"hydra.run.dir={directory}", "logger=csv"]
     assert cli(*arguments, "crossval.only=[0,2]").status == 0

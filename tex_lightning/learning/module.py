@@ -50,12 +50,17 @@ class SurfaceModule(LightningModule):
         seed: Seed of dropout; batches have their own.
         pieces: By sense the length or side of the pieces. Those of FusionNet are as small as a
             single fragment where the network says how small that is.
-
-    Attributes:
         engine: Settings of the accelerated copy for validation; None uses none.
     """
 
-    def __init__(self, card: Card, fit: dict[str, Any], seed: int, pieces: dict[str, int]) -> None:
+    def __init__(
+        self,
+        card: Card,
+        fit: dict[str, Any],
+        seed: int,
+        pieces: dict[str, int],
+        engine: EngineConfig | None = None,
+    ) -> None:
         super().__init__()
         kept = {"card": card.to_dict(), "fit": fit, "seed": seed, "pieces": pieces}
         self.save_hyperparameters(kept, logger=False)
@@ -71,7 +76,7 @@ class SurfaceModule(LightningModule):
         self.augmentation: Any = None if node is None else build(key, node)
         classes = len(card.classes)
         self.train_accuracy = accuracy(classes)
-        self.engine: EngineConfig | None = None
+        self.engine = engine
         self.validated = [self.classifier]  # in a list, since a copy is no part of this module
         self.fragment_accuracy, self.vote_accuracy = accuracy(classes), accuracy(classes)
 

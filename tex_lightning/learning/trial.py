@@ -55,18 +55,18 @@ def try_training(config: Config, card: Card, directory: Path) -> list[Sense]:
     working = checkpoint_of(directory, card.kind).with_suffix("")
     with quiet_lightning():
         make_trainer(config.trainer, callbacks, loggers, fit(card.kind), working, validated=True)
-    senses = [_try_sense(model, card.of([name]), sources.get(name)) for name in card.sense_names]
+    senses = [_try_sense(config, card.of([name]), sources.get(name)) for name in card.sense_names]
     if card.kind == FUSION:
-        make_module(model, card, config.seed).configure_optimizers()
+        make_module(config, card).configure_optimizers()
     return senses
 
 
-def _try_sense(model: ModelConfig, card: Card, source: str | None) -> Sense:
+def _try_sense(config: Config, card: Card, source: str | None) -> Sense:
     """Make one sense as it will be trained, or load it from the checkpoint that is given."""
-    name = card.kind
+    name, model = card.kind, config.model
     if name in model.checkpoints:
         return SurfaceClassifier.from_checkpoint(model.checkpoints[name], name).senses[name]
-    module = make_module(model, card, 0)
+    module = make_module(config, card)
     module.configure_optimizers()
     if source is not None:
         start_trunk(module.classifier, source)

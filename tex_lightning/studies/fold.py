@@ -34,7 +34,7 @@ from tex_lightning.evaluation.outcomes import RANDOM, write_results
 from tex_lightning.inference.prediction import name_conflict
 from tex_lightning.learning.loggers import log_test, open_loggers
 from tex_lightning.learning.start import starting_classifier
-from tex_lightning.learning.train import checkpoint_of, shared_folder, train_network
+from tex_lightning.learning.train import Training, checkpoint_of
 from tex_lightning.learning.trial import try_baseline, try_custom_parts, try_training
 from tex_lightning.report.board import Piece
 from tex_lightning.report.errors import keep_samples
@@ -213,15 +213,15 @@ def fit_fold(
         if name in crossvalidated:
             card = replace(card, training={CROSSVAL: dict(crossvalidated[name])})
         loggers = open_loggers(config.logger, directory, name)
-        inputs = config, card, parts, store, directory, starts, loggers
+        training = Training(config, card, parts, store, directory, starts, loggers)
         if card.baseline:
-            classifier = fit_baseline(*inputs[:5])
+            classifier = fit_baseline(config, card, parts, store, directory)
         elif networks_in is None:
-            classifier = train_network(*inputs)
+            classifier = training.run()
         else:
-            home, kind = shared_folder(config, card, starts, networks_in), card.kind
-            classifier = train_network(config, card, parts, store, home, starts, loggers)
-            write_bytes(checkpoint_of(directory, kind), checkpoint_of(home, kind).read_bytes())
+            shared = replace(training, directory=training.shared_in(networks_in))
+            classifier = shared.run()
+            write_bytes(training.final, shared.final.read_bytes())
         if not whole:
             unimodal[name] = classifier
         networks[name] = {"fit_seconds": classifier.card.training.get("fit_seconds")}
