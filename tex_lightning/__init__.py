@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from tex_lightning.data.datamodule import SurfaceData
     from tex_lightning.data.readers.folder import read_folder
     from tex_lightning.data.recordings import Recording, Recordings, read_manifest
+    from tex_lightning.estimator import Estimator
     from tex_lightning.inference.prediction import Prediction
     from tex_lightning.inference.predictor import Predictor, load
     from tex_lightning.networks.fusionnet import FusionNet
@@ -27,6 +28,7 @@ if find_spec("tex_lightning_runtime") is None:  # a checkout that is not install
 __version__ = "0.2.0"
 
 __all__ = [
+    "Estimator",
     "FusionNet",
     "HapticNet",
     "Prediction",
@@ -47,6 +49,7 @@ __all__ = [
 # Where a public name is defined. Most modules need PyTorch, which is imported when one is asked
 # for: a mistyped command fails before.
 _MODULES = {
+    "Estimator": "estimator",
     "FusionNet": "networks.fusionnet",
     "HapticNet": "networks.hapticnet",
     "Prediction": "inference.prediction",

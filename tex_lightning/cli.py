@@ -23,7 +23,7 @@ import hydra
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config import CONF, SILENT, Config, flatten, plain_values, register
-from tex_lightning.config.check import check_shares, checked_config
+from tex_lightning.config.check import check_shares
 from tex_lightning.config.composition import (
     Job,
     current_job,
@@ -301,23 +301,19 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     Raises:
         UserError: If the configuration or what it names cannot be used.
     """
-    from tex_lightning.data.own_defaults import with_defaults
+    from tex_lightning.data.own_defaults import settled
     from tex_lightning.report.sweep import runs_side_by_side
 
     Screen.sweep = job.origin == "sweep"
     several = Screen.sweep and runs_side_by_side(job.hydra)
     Screen.job = f"Job {job.hydra.hydra.job.num}: " if several else ""
-    config = checked_config(composed)
-    settled = with_defaults(config.task, config.data, config.model, job)
-    if settled.overrides != job.overrides:
-        job, composed = settled, settled.compose(settled.overrides)
-        config = checked_config(composed)
+    config, composed, job = settled(composed, job)
     if config.checkpoint is not None:
         config = replace(config, checkpoint=str(find_checkpoint(config.checkpoint)))
     trust(*config.trusted, *named_classes(config.model.nodes))
-    with joining(processes := _set_devices(config)):
+    with joining(set_devices(config)):
         show_rank_zero(libraries=job.origin != "python")
-        _check_processes(config, job, processes)
+        check_processes(config, job)
         results = _run_in_folder(config, composed, job)
     if config.task in TRAINING and results:
         from tex_lightning.evaluation.outcomes import optimized_value
@@ -356,7 +352,7 @@ def _quick_import() -> Iterator[None]:
             gc.enable()
 
 
-def _set_devices(config: Config) -> int:
+def set_devices(config: Config) -> int:
     """Set PyTorch's threads and precision, and reject devices that a task cannot use.
 
     The layers of a short chunk of a stream are so small that a second thread only costs time. A
@@ -370,7 +366,6 @@ def _set_devices(config: Config) -> int:
 
         from tex_lightning.core.devices import (
             check_started,
-            count_processes,
             keep_memory,
             use_tf32,
         )
@@ -382,15 +377,26 @@ def _set_devices(config: Config) -> int:
         torch.set_num_threads(threads)
     use_tf32(config.trainer.tf32)
     keep_memory()
-    if config.task not in TRAINING:
-        return 1
-    processes = count_processes(config.trainer)
-    check_started(processes)
+    processes = _processes(config)
+    if config.task in TRAINING:
+        check_started(processes)
     return processes
 
 
-def _check_processes(config: Config, job: Job, processes: int) -> None:
-    """Reject what several processes cannot share; rank zero says so."""
+def _processes(config: Config) -> int:
+    """Return the number of processes that train together."""
+    from tex_lightning.core.devices import count_processes
+
+    return count_processes(config.trainer) if config.task in TRAINING else 1
+
+
+def check_processes(config: Config, job: Job) -> None:
+    """Reject what several processes cannot share; rank zero says so.
+
+    Raises:
+        UserError: If they cannot train together.
+    """
+    processes = _processes(config)
     if processes > 1:
         _check_origin(job)
     check_shares(config, processes)

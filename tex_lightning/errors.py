@@ -31,6 +31,10 @@ class UserError(Exception):
         return "\n".join(printable(str(line)) for line in self.args)
 
 
+class InvalidInput(UserError, ValueError):
+    """The same, raised by the estimator: scikit-learn expects a ``ValueError``."""
+
+
 def shorten(value: object) -> str:
     """Return a text for a message, in one line: a long value keeps its beginning and end."""
     text = printable(str(value))

@@ -280,6 +280,16 @@ class SurfaceClassifier(nn.Module):
         """
         return self.senses[name].positions(recording, self.embedding_layer(name))
 
+    def fragment_scores(self, name: str, recording: Tensor) -> Tensor:
+        """Return the scores (classes, rows, columns) that one sense alone gives each position.
+
+        A signal has one row; ``recording`` is decoded.
+        """
+        sense = self.senses[name]
+        grid = sense.dense_grid(sense.dense_input(recording), self.embedding_layer(name))
+        scores = self.output_of(name, grid.flatten(1)).partial_logits
+        return scores.reshape(-1, *grid.shape[1:])
+
     def embedding_layer(self, name: str) -> Level:
         """Return the layer of :meth:`embedding`."""
         return self.layers[name][0]

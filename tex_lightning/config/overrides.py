@@ -3,15 +3,20 @@
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override
+from hydra.core.override_parser.types import Override, Quote, QuotedString
 from hydra.errors import HydraException
 from omegaconf import OmegaConf
 
-from tex_lightning.config import flatten
+from tex_lightning.config import Config, flatten
+from tex_lightning.config.keys import nearest
+from tex_lightning.config.model import ModelConfig
+from tex_lightning.config.usage import config_groups
+from tex_lightning.errors import UserError, shorten
 from tex_lightning.text import to_json
 
 # Settings that say where a run is kept and how it is told of, and nothing of what was run.
@@ -38,10 +43,60 @@ def chosen_settings(overrides: Iterable[str], swept: Sequence[str] = ()) -> dict
         >>> chosen_settings(["model=haptic", "+model.haptic.fit={epochs: 3}", "verbose=0"])
         {'model': 'haptic', 'model.haptic.fit.epochs': 3}
     """
-    settings = (pair for override in _parsed(overrides) for pair in _settings(override))
+    settings = (pair for override in parsed_overrides(overrides) for pair in _settings(override))
     return {
         key: value for key, value in settings if key in swept or not key.startswith(BOOKKEEPING)
     }
+
+
+def as_key_value(key: str, value: object) -> str:
+    """Return an override that gives a key of the model, or any other, a value.
+
+    Args:
+        key: As Hydra names it; ``model.`` may be left out.
+        value: Plain values; text stays text, whatever is in it.
+
+    Example:
+        >>> from tex_lightning.config.overrides import as_key_value
+        >>> as_key_value("haptic.width", 0.5), as_key_value("data.hold_out", ["1_0"])
+        ('model.haptic.width=0.5', 'data.hold_out=["1_0"]')
+    """
+    sign = "+" if key.startswith("+") else ""
+    first, _, rest = key.removeprefix("+").partition(".")
+    model = {each.name for each in fields(ModelConfig)}
+    top = {each.name for each in fields(Config)} - (model if rest else set())
+    inner = first not in top | {*config_groups()} and "@" not in first and "/" not in first
+    return f"{sign}{'model.' if inner else ''}{key.removeprefix('+')}={_written(value)}"
+
+
+def _written(value: object) -> str:
+    """Return a plain value in Hydra's grammar."""
+    if isinstance(value, Mapping):
+        return f"{{{','.join(f'{name}:{_written(item)}' for name, item in value.items())}}}"
+    if isinstance(value, list | tuple | set):
+        return f"[{','.join(map(_written, value))}]"
+    if isinstance(value, str | Path):
+        return QuotedString(str(value), Quote.double).with_quotes()
+    return (
+        "null" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
+    )
+
+
+def named_model(name: str) -> str:
+    """Return the override that chooses a preset or a model by its name.
+
+    Raises:
+        UserError: If there is neither, with near matches.
+    """
+    groups = config_groups()
+    for group in ("experiment", "model"):
+        if name in groups[group]:
+            return f"{group}={name}"
+    known = [*groups["experiment"], *groups["model"]]
+    raise UserError(
+        f"There is no model {shorten(name)}{nearest(str(name), known)}; choose one of "
+        f"{', '.join(sorted(known))}."
+    )
 
 
 def swept_keys(directory: Path) -> list[str]:
@@ -59,8 +114,8 @@ def swept_keys(directory: Path) -> list[str]:
     sweeper = hydra["hydra"]["sweeper"]
     swept: list[str] = []
     with suppress(HydraException):  # arguments of a launcher's process may be no overrides
-        parsed = _parsed(_given(directory))
-        swept = [_key(override) for override in parsed if override.is_sweep_override()]
+        parsed = parsed_overrides(_given(directory))
+        swept = [key_of(override) for override in parsed if override.is_sweep_override()]
     named = [key for name in ("params", "search_space") for key in sweeper.get(name) or ()]
     return list(dict.fromkeys([*swept, *named]))
 
@@ -74,16 +129,18 @@ def _given(directory: Path) -> list[str]:
     return [item for item in sys.argv[1:] if "=" in item and not item.startswith("-")]
 
 
-def _parsed(overrides: Iterable[str]) -> list[Override]:
+def parsed_overrides(overrides: Iterable[str]) -> list[Override]:
+    """Return overrides as Hydra reads them."""
     return OverridesParser.create().parse_overrides(list(overrides))
 
 
-def _key(override: Override) -> str:
+def key_of(override: Override) -> str:
+    """Return the key or group of an override."""
     return str(override.get_key_element()).lstrip("+~")
 
 
 def _settings(override: Override) -> Iterator[tuple[str, Setting]]:
-    key, value = _key(override), override.value()
+    key, value = key_of(override), override.value()
     if override.is_delete():
         yield key, "removed"
     elif isinstance(value, Mapping):

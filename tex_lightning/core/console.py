@@ -157,6 +157,31 @@ class ConsoleHandler(logging.Handler):
         say(text, STYLES.get(record.levelno, ""), wraps=wraps)
 
 
+@contextmanager
+def messages() -> Iterator[None]:
+    """Print what ``verbose`` lets, for a program in Python: nothing at all if it is ``QUIET``.
+
+    A program that configured logging gets the messages as it wants them.
+    """
+    logger = logging.getLogger("tex_lightning")
+    level, handler, quiet = logger.level, ConsoleHandler(), console.quiet
+    handler.setFormatter(logging.Formatter("%(severity)s%(message)s"))
+    handled = logger.hasHandlers()
+    if not handled:
+        logger.addHandler(handler)
+    if Screen.verbose == QUIET:
+        logger.setLevel(logging.ERROR)
+        console.quiet = True
+    elif not handled and level == logging.NOTSET:
+        logger.setLevel(logging.INFO if Screen.verbose < DEBUG else logging.DEBUG)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)
+        console.quiet = quiet
+
+
 CLOSED_PIPE = 141  # what a shell reports of a program that SIGPIPE ended
 
 

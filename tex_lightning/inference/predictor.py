@@ -117,7 +117,7 @@ class Predictor:
         decider = self._decider(self._senses(inputs))
         begin = time.perf_counter()
         try:
-            decoded = self._decoded(inputs, rate, colour)
+            decoded = self.decoded(inputs, rate=rate, colour=colour)
             vote = decider.classify(**{name: array for name, (array, _) in decoded.items()})
         except UserError as error:
             files = [str(value) for value in inputs.values() if isinstance(value, str | Path)]
@@ -229,7 +229,7 @@ class Predictor:
             self.classifier.with_senses(self._senses(modalities)), self.config.engine
         )
         engine.card = engine.card.deciding(self.config.decision)
-        decoded = self._decoded(fixed, rate=None, colour=colour)
+        decoded = self.decoded(fixed, colour=colour)
         rates = {name: rate.get(name) if isinstance(rate, Mapping) else rate for name in signals}
         return LiveStream(engine, rates, decoded, self.config.stream, self.config.top_k)
 
@@ -265,10 +265,10 @@ class Predictor:
             )
         return self._deciders[senses]
 
-    def _decoded(
-        self, inputs: Mapping[str, Input], rate: float | None, colour: str
+    def decoded(
+        self, inputs: Mapping[str, Input], *, rate: float | None = None, colour: str = "rgb"
     ) -> dict[str, tuple[Tensor, Quality]]:
-        """Return decoded recordings by modality, and what is wrong with them."""
+        """Return decoded recordings by modality, and what is wrong with them; see `predict`."""
         decoded: dict[str, tuple[Tensor, Quality]] = {}
         data = self.config.data
         rate = data.file_rate if rate is None else rate

@@ -88,18 +88,10 @@ def show_sample(
     for name, sense in classifier.senses.items():
         recording = load_recording(sample.recordings[sense.modality], store).to(classifier.device)
         with computing_threads(classifier.threads(name, recording)):
-            fragments = fragment_classes(classifier, name, recording)
+            fragments = classifier.fragment_scores(name, recording).argmax(dim=0).cpu()
         file = sample.recordings[sense.modality].path.name
         senses[name] = _shown(sense, file, recording, _colours(fragments, classifier, outcome))
     return ShownSample(outcome, senses)
-
-
-def fragment_classes(classifier: SurfaceClassifier, name: str, recording: Tensor) -> Tensor:
-    """Return the class (rows, columns) that one sense alone gives each position of a recording."""
-    sense, layer = classifier.senses[name], classifier.embedding_layer(name)
-    grid = sense.dense_grid(sense.dense_input(recording), layer)
-    scores = classifier.output_of(name, grid.flatten(1)).partial_logits
-    return scores.argmax(dim=0).reshape(grid.shape[1:]).cpu()
 
 
 def _colours(fragments: Tensor, classifier: SurfaceClassifier, outcome: Outcome) -> Pixels:

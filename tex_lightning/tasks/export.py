@@ -33,14 +33,27 @@ log = logging.getLogger(__name__)
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
-    """Write ``checkpoint`` to ``export.out`` as ``export.format``, and what was measured.
+    """Write ``checkpoint`` to ``export.out`` as ``export.format``, and what was measured."""
+    checkpoint = Path(str(config.checkpoint)).expanduser()
+    out = job.directory if config.export.out is None else Path(config.export.out).expanduser()
+    return export_classifier(config, load_classifier(checkpoint), checkpoint, out)
+
+
+def export_classifier(
+    config: Config, classifier: SurfaceClassifier, checkpoint: Path, out: Path
+) -> dict[str, Any]:
+    """Write a classifier to a folder, and what was measured.
+
+    Args:
+        config: Format and checks of the export, and the decision.
+        classifier: Loaded from ``checkpoint``.
+        checkpoint: The file, for messages and the model card.
+        out: The folder.
 
     Raises:
         UserError: If it cannot be exported, the file gives other scores than the checkpoint, or
             a file that no export wrote would be written over.
     """
-    checkpoint = Path(str(config.checkpoint)).expanduser()
-    classifier = load_classifier(checkpoint)
     if classifier.card.baseline:
         raise UserError(
             f"Checkpoint {checkpoint} holds {classifier.card.title}, which computes outside of "
@@ -48,7 +61,6 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         )
     classifier.card = classifier.card.deciding(config.decision)
     check_unknown(classifier.card, bool(classifier.statistics))
-    out = job.directory if config.export.out is None else Path(config.export.out).expanduser()
     log.info("Exporting the %s as %s.", classifier.card.title, config.export.format)
     page: dict[str, bytes] = {}
     if config.export.format == "web":

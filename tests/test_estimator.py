@@ -1,0 +1,322 @@
+"""The estimator: scikit-learn's own checks and tools, forms of input, and the command line."""
+
+import logging
+import pickle
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+from conftest import CLASSES, RATE, make_photo, make_trace
+from sklearn.base import clone, is_classifier
+from sklearn.calibration import CalibratedClassifierCV
+from sklearn.exceptions import NotFittedError
+from sklearn.linear_model import LogisticRegression
+from sklearn.model_selection import GridSearchCV, StratifiedGroupKFold, cross_val_score
+from sklearn.pipeline import make_pipeline
+from sklearn.utils.estimator_checks import estimator_checks_generator
+
+import tex_lightning as tl
+
+SLOW_RATE = 1000
+TIME = np.arange(2 * SLOW_RATE) / SLOW_RATE
+FREQUENCIES = {"a": 40, "b": 110, "c": 300}
+ANY_LENGTH = "recordings may have any length: no number of samples is another than before"
+CANNOT_APPLY = {
+    "check_n_features_in_after_fitting": ANY_LENGTH,
+    "check_classifiers_train": ANY_LENGTH,
+    "check_transformer_general": ANY_LENGTH,
+}
+QUICK = ("check_dict_unchanged", "check_supervised_y_2d", "check_estimators_overwrite_params")
+
+
+class OfTones(tl.Estimator):
+    """Take each number of a table as the strength of a tone, since a few samples are no stroke."""
+
+    def _samples(self, X, modalities, *, reset):
+        return [
+            {"haptic": self.tones(np.asarray(sample["haptic"], float))}
+            for sample in super()._samples(X, modalities, reset=reset)
+        ]
+
+    @staticmethod
+    def tones(strengths):
+        tones = np.sin(2 * np.pi * 40 * 1.15 ** np.arange(len(strengths))[:, None] * TIME)
+        return strengths @ tones + 1e-3 * np.sin(2 * np.pi * 400 * TIME)
+
+
+def checks(*, fits: bool) -> list:
+    """Those of scikit-learn that can apply; of those that fit something a few, or all."""
+    found = []
+    for estimator, check in estimator_checks_generator(OfTones(rate=SLOW_RATE)):
+        name = check.func.__name__
+        marks = [pytest.mark.xfail(reason=CANNOT_APPLY[name])] if name in CANNOT_APPLY else []
+        quick = name in QUICK or name.startswith(("check_no_", "check_do_", "check_get_"))
+        quick |= "message" in name or "unfitted" in name or "param" in name or "sparse" in name
+        if quick != fits:
+            found.append(pytest.param(estimator, check, id=name, marks=marks))
+    return found
+
+
+@pytest.mark.parametrize(("estimator", "check"), checks(fits=False))
+def test_scikit_learns_check(estimator, check):
+    with warnings.catch_warnings(action="ignore"):
+        check(estimator)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("estimator", "check"), checks(fits=True))
+def test_scikit_learns_check_that_fits(estimator, check):
+    with warnings.catch_warnings(action="ignore"):
+        check(estimator)
+
+
+def stroke(label: str, seed: int, axes: int = 1) -> np.ndarray:
+    rng = np.random.default_rng([seed, ord(label)])
+    tone = np.sin(2 * np.pi * FREQUENCIES[label] * TIME + rng.uniform(0, 6))
+    return tone + 0.1 * rng.standard_normal((axes, len(TIME)))
+
+
+@pytest.fixture(scope="module")
+def strokes():
+    labels = np.repeat(["a", "b", "c"], 4)
+    return np.concatenate([stroke(x, n) for n, x in enumerate(labels)]), labels
+
+
+@pytest.fixture(scope="module")
+def fitted(strokes):
+    return tl.Estimator("few/haptic", rate=SLOW_RATE).fit(*strokes)
+
+
+def test_three_lines_are_a_model(strokes, fitted):
+    x, y = strokes
+    assert is_classifier(fitted)
+    assert (fitted.predict(x) == y).all()
+    assert fitted.score(x, y) == 1
+    shares = fitted.predict_proba(x)
+    assert shares.shape == (12, 3)
+    np.testing.assert_allclose(shares.sum(axis=1), 1)
+    assert (fitted.classes_[shares.argmax(axis=1)] == y).all()
+    assert len(fitted.transform(x)) == 12
+
+
+def forms(x: np.ndarray) -> dict[str, object]:
+    """The same recordings as people have them."""
+    return {
+        "aeon's cases": x[:, None],
+        "list of samples": [*x],
+        "list of axes": [*x[:, None]],
+        "lists of numbers": x.tolist(),
+        "tensors": [torch.from_numpy(row) for row in x],
+        "by name": {"haptic": [*x]},
+        "a sample each": [{"haptic": row} for row in x],
+        "pandas": pd.DataFrame({"haptic": [*x]}),
+        "an array of objects": np.array([*x, None], dtype=object)[:-1],
+        "a table of numbers": pd.DataFrame(x),
+    }
+
+
+@pytest.mark.parametrize("form", forms(np.zeros((2, 2))))
+def test_every_form_of_the_same_recordings_is_read_alike(strokes, fitted, form):
+    x, _ = strokes
+    with warnings.catch_warnings(action="ignore"):  # of scikit-learn, on names of columns
+        given = forms(x)[form]
+        assert (fitted.predict_proba(given) == fitted.predict_proba(x)).all()
+        again = clone(fitted).fit(given, strokes[1])
+    assert_same_weights(again, fitted)
+
+
+def assert_same_weights(one: tl.Estimator, other: tl.Estimator) -> None:
+    assert_equal_states(one.predictor_.classifier, other.predictor_.classifier)
+
+
+def assert_equal_states(one, other) -> None:
+    one, other = one.state_dict(), other.state_dict()
+    assert one.keys() == other.keys()
+    for name, value in one.items():
+        assert isinstance(value, dict) or torch.equal(value, other[name]), name
+
+
+def test_lengths_and_numbers_of_axes_may_differ_from_the_training(fitted, strokes):
+    x, y = strokes
+    longer = [np.tile(row, 1 + n % 3)[: 2400 + 31 * n] for n, row in enumerate(x)]
+    assert (fitted.predict(longer) == y).all()
+    three = [stroke(label, n, axes=3) for n, label in enumerate(y)]
+    assert (tl.Estimator(rate=SLOW_RATE).fit(three, y).predict(three) == y).all()
+
+
+@pytest.mark.parametrize(
+    "labels", [[0] * 4 + [2] * 4 + [10] * 4, [True] * 4 + [False] * 8, ["1 "] * 4 + ["ü"] * 8]
+)
+def test_labels_keep_their_type_and_order(strokes, labels):
+    model = tl.Estimator(rate=SLOW_RATE).fit(strokes[0], labels)
+    assert model.classes_.tolist() == sorted(set(labels))
+    assert model.classes_.dtype == np.asarray(labels).dtype
+    found = model.predict(strokes[0])
+    assert found.dtype == model.classes_.dtype
+    best = model.classes_[model.predict_proba(strokes[0]).argmax(axis=1)]
+    assert (found == best).all()
+
+
+def test_scikit_learns_tools_take_it(strokes):
+    x, y = strokes
+    groups = np.tile([1, 1, 2, 2], 3)
+    model = tl.Estimator(rate=SLOW_RATE)
+    folds = StratifiedGroupKFold(2)
+    assert cross_val_score(model, [*x], y, groups=groups, cv=folds).tolist() == [1, 1]
+    search = GridSearchCV(model, {"haptic.features.thresholds": [3, 5]}, cv=folds)
+    best = search.fit(x, y, groups=groups).best_estimator_
+    thresholds = search.best_params_["haptic.features.thresholds"]
+    assert best.predictor_.card.senses["haptic"]["features"]["thresholds"] == thresholds
+    embedded = make_pipeline(model.set_output(transform="pandas"), LogisticRegression())
+    assert embedded.fit(x, y).score(x, y) == 1
+    assert embedded[:-1].transform(x).columns[0] == "haptic0"
+    calibrated = CalibratedClassifierCV(clone(model), cv=2, ensemble=False).fit(x, y)
+    assert calibrated.predict_proba(x).shape == (12, 3)
+
+
+def test_copies_are_not_fitted_and_pickles_are(fitted, strokes):
+    with pytest.raises(NotFittedError):
+        clone(fitted).predict(strokes[0])
+    again = pickle.loads(pickle.dumps(fitted))
+    assert (again.predict_proba(strokes[0]) == fitted.predict_proba(strokes[0])).all()
+
+
+def test_parameters_are_the_keys_of_hydra(strokes):
+    model = tl.Estimator("haptic", seed=3, **{"haptic.width": 0.1, "debug": "tiny"})
+    assert model.get_params()["haptic.width"] == 0.1
+    copy = clone(model).set_params(**{"model.haptic.dropout": 0.25, "data.num_workers": 0})
+    assert copy.get_params() == model.get_params() | {
+        "model.haptic.dropout": 0.25, "data.num_workers": 0,
+    }  # fmt: skip
+    node = copy.set_params(rate=SLOW_RATE).fit(*strokes).predictor_.card.senses["haptic"]
+    assert (node["width"], node["dropout"]) == (0.1, 0.25)
+    with pytest.raises(ValueError, match=r"did you mean model\.haptic\.width"):
+        clone(copy).set_params(**{"haptic.widht": 1}).fit(*strokes)
+    with pytest.raises(tl.UserError, match="There is no model few/haptics"):
+        tl.Estimator("few/haptics").fit(*strokes)
+
+
+def test_what_is_wrong_is_one_sentence_and_a_value_error(fitted, strokes):
+    x, y = strokes
+    with pytest.raises(ValueError, match=r"haptic_0\.npy: The signal has 0\.01 s of movement"):
+        clone(fitted).fit(x[:, :10], y)
+    with pytest.raises(ValueError, match="takes haptic, not image"):
+        fitted.predict({"image": [*x]})
+    with pytest.raises(ValueError, match="NaN"):
+        fitted.predict([np.full(3000, np.nan)])
+    with pytest.raises(ValueError, match=r"nowhere\.wav"):
+        fitted.predict(["nowhere.wav"])
+    with pytest.raises(ValueError, match="takes haptic and image; give them by name"):
+        tl.Estimator("fusion", debug="tiny").fit(x, y)
+
+
+@pytest.fixture(scope="module")
+def files(surfaces):
+    """Paths of the surfaces in the order of the folder, and their labels."""
+    table = tl.read_folder(surfaces)
+    return {name: [str(row.path) for row in table.of(name)] for name in ("haptic", "image")}, [
+        row.label for row in table.of("haptic")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("model", "senses", "more"),
+    [
+        ("few/haptic", ["haptic"], {}),
+        ("haptic", ["haptic"], {"debug": "tiny"}),
+        ("mfcc_nb", ["haptic"], {"debug": "tiny"}),
+        ("fusion", ["haptic", "image"], {"debug": "tiny", "data.half_scale": False}),
+    ],
+)
+def test_weights_and_labels_are_those_of_the_command_line(
+    model, senses, more, files, surfaces, run_once
+):
+    paths, labels = files
+    chosen = f"experiment={model}" if "/" in model else f"model={model}"
+    keys = [f"{name}={str(value).lower()}" for name, value in more.items()]
+    run = run_once(chosen, "data=folder", f"data.root={surfaces}", "data.test_fold=null", *keys)
+    given = {name: paths[name] for name in senses}
+    estimator = tl.Estimator(model, **more).fit(given, labels)
+    shell, python = tl.load(run), estimator.predictor_
+    assert_equal_states(shell.classifier, python.classifier)
+    kinds = {"haptic": make_trace, "image": make_photo}
+    new = [{name: kinds[name](kind, 20) for name in senses} for kind in range(3)]
+    said = [shell.predict(rate=RATE, **sample) for sample in new]
+    assert estimator.predict(new).tolist() == [found.label for found in said]
+    table = [[*found.probabilities.values()] for found in said]
+    np.testing.assert_array_equal(estimator.predict_proba(new), table)
+
+
+def test_arrays_are_the_files_that_hold_them(files):
+    import soundfile
+
+    paths, labels = files
+    arrays = [soundfile.read(path)[0] for path in paths["haptic"]]
+    of_files = tl.Estimator().fit(paths["haptic"], labels)
+    assert_same_weights(tl.Estimator(rate=RATE).fit(arrays, labels), of_files)
+
+
+def test_checkpoints_go_both_ways(fitted, strokes, tmp_path, bands, files):
+    x, _ = strokes
+    fitted.save(tmp_path / "new" / "m.ckpt")
+    loaded = tl.load(tmp_path / "new" / "m.ckpt")
+    assert loaded.predict(haptic=x[0], rate=SLOW_RATE).label == "a"
+    again = tl.Estimator.load(tmp_path / "new" / "m.ckpt", rate=SLOW_RATE)
+    assert (again.predict_proba(x) == fitted.predict_proba(x)).all()
+    paths, labels = files
+    assert tl.Estimator.load(bands).score(paths["haptic"], labels) == 1
+
+
+def test_it_enrols_explains_and_exports(fitted, strokes, tmp_path):
+    x, y = strokes
+    model = clone(fitted).fit(x[:8], y[:8]).enroll(x[8:], y[8:])
+    assert model.classes_.tolist() == ["a", "b", "c"]
+    assert (model.predict(x) == y).all()
+    (shares,) = (said["haptic"] for said in fitted.explain(x[:1]))
+    assert shares.shape[0] == 1
+    assert shares.shape[2] == 3
+    np.testing.assert_allclose(shares.sum(axis=2), 1, rtol=1e-5)
+    assert (shares.argmax(axis=2) == 0).all()
+    files = fitted.export(tmp_path / "web", "card")
+    assert (tmp_path / "web" / "MODEL_CARD.md") in files
+    with pytest.raises(ValueError, match="already has a"):
+        fitted.enroll(x[:4], y[:4])
+
+
+def test_it_is_quiet_and_leaves_no_folder(strokes, tmp_path, monkeypatch, capfd, caplog):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    threads, state = torch.get_num_threads(), torch.random.get_rng_state()
+    before = [*Path("/tmp").glob("tex_lightning_*")]
+    with caplog.at_level(logging.NOTSET):
+        tl.Estimator("haptic", rate=SLOW_RATE, debug="tiny").fit(*strokes).predict(strokes[0])
+    assert capfd.readouterr() == ("", "")
+    assert not [*tmp_path.iterdir()]
+    assert [*Path("/tmp").glob("tex_lightning_*")] == before
+    assert torch.get_num_threads() == threads
+    assert torch.equal(torch.random.get_rng_state(), state)
+
+
+def test_it_tells_and_keeps_what_is_asked_for(strokes, tmp_path, capfd):
+    model = tl.Estimator(
+        "haptic", rate=SLOW_RATE, debug="tiny", verbose=1, directory=tmp_path / "runs"
+    ).fit(*strokes)
+    assert "Traces keep their own rate" in capfd.readouterr().err
+    assert model.run_folder_.parent == tmp_path / "runs"
+    assert (model.run_folder_ / "checkpoints" / "haptic.ckpt").is_file()
+    assert [*model.run_folder_.rglob("events.out.tfevents.*")]
+    assert tl.load(model.run_folder_).classes == ["a", "b", "c"]
+
+
+def test_a_class_of_ones_own_is_a_model(strokes, tmp_path):
+    (tmp_path / "conf" / "experiment").mkdir(parents=True)
+    lines = ["# @package _global_", "defaults: [/experiment/few/haptic]"]
+    lines += ["model: {haptic: {features: {thresholds: 3}}}"]
+    (tmp_path / "conf" / "experiment" / "mine.yaml").write_text("\n".join(lines))
+    model = tl.Estimator("mine", rate=SLOW_RATE, config_dir=tmp_path / "conf").fit(*strokes)
+    assert model.predictor_.card.senses["haptic"]["features"]["thresholds"] == 3
+    assert (model.predict(strokes[0]) == strokes[1]).all()
+    assert len(CLASSES) == 3

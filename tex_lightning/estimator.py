@@ -1,0 +1,406 @@
+"""Train and classify arrays with the conventions of scikit-learn: the second door of the package.
+
+What is behind it is what the command line runs: the same composition, checks, training and
+decision. So the same recordings and the same seed give the same weights and labels.
+"""
+
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from omegaconf import DictConfig, OmegaConf
+from sklearn.base import BaseEstimator, ClassifierMixin, TransformerMixin
+from sklearn.utils import check_array
+from sklearn.utils.multiclass import check_classification_targets
+from sklearn.utils.validation import (
+    _check_feature_names,
+    check_consistent_length,
+    check_is_fitted,
+    column_or_1d,
+)
+
+from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.cli import TURN, check_processes, set_devices, to_user_error
+from tex_lightning.config import Config
+from tex_lightning.config.check import checked_config
+from tex_lightning.config.composition import Job, compose_config
+from tex_lightning.config.instantiation import named_classes, trust
+from tex_lightning.config.overrides import as_key_value, named_model
+from tex_lightning.config.search import use_config_dir
+from tex_lightning.core.console import messages, verbosity
+from tex_lightning.core.progress import finishing
+from tex_lightning.core.ranks import joining
+from tex_lightning.core.run_folder import find_checkpoint
+from tex_lightning.data.own_defaults import settled
+from tex_lightning.data.readers.arrays import MANIFEST, Sample, is_table, samples_of, write_samples
+from tex_lightning.data.recordings import one_name
+from tex_lightning.errors import InvalidInput, listed
+from tex_lightning.inference.predictor import Predictor
+from tex_lightning.learning.train import checkpoint_of
+from tex_lightning.studies.fold import fit_fold, open_training
+from tex_lightning.tasks.enroll import enroll, open_new_classes
+from tex_lightning.tasks.export import export_classifier
+
+Array = npt.NDArray[Any]
+Floats = npt.NDArray[np.float64]
+
+
+class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: ignore[misc]
+    """A model of this package as a classifier of scikit-learn.
+
+    ``X`` holds recordings: an array (recordings, samples) or (recordings, axes, samples), or a list
+    of (samples,) or (axes, samples) of any lengths, of paths, or of photos (height, width, 3)
+    uint8. Of several modalities it is ``{"haptic": […], "image": […]}``, a list of such
+    dictionaries, one for each sample, or a table of pandas with a column for each; these two can be
+    divided by scikit-learn. At least two classes are needed.
+
+    Args:
+        model: A preset (``few/haptic``, an ``experiment``) or a model (``haptic``) by its name.
+        rate: Sampling rate in Hz of arrays, and of files that state none; None assumes 10 kHz.
+        seed: Seed of the training.
+        verbose: 0 says nothing, 1 shows progress and messages, 2 those of libraries, too.
+        directory: Folder in which every fit makes a run folder with checkpoints, metrics and
+            TensorBoard events; None keeps none.
+        config_dir: Folder with configuration files of one's own, as ``--config-dir``.
+        **keys: Further keys as Hydra names them, with or without ``model.`` in front:
+            ``**{"haptic.features.thresholds": 5, "decision.rule": "vote"}``.
+
+    Attributes:
+        classes_: Labels in the order of the columns of :meth:`predict_proba`.
+        predictor_: What :func:`tex_lightning.load` gives for the trained model.
+        n_features_in_: Length of the second dimension of an array that it was fitted to.
+
+    Example:
+        >>> import numpy as np, tex_lightning as tl
+        >>> time, rng = np.arange(8_000) / 2_000, np.random.default_rng(0)
+        >>> tones = [np.sin(2 * np.pi * f * time) for f in (50, 50, 50, 200, 200, 200)]
+        >>> X = np.stack(tones) + 0.1 * rng.standard_normal((6, 8_000))
+        >>> model = tl.Estimator("few/haptic", rate=2_000).fit(X, ["a", "a", "a", "b", "b", "b"])
+        >>> model.predict(X[2:4]).tolist(), model.predict_proba(X).shape
+        (['a', 'b'], (6, 2))
+    """
+
+    def __init__(
+        self,
+        model: str = "few/haptic",
+        *,
+        rate: float | None = None,
+        seed: int = 0,
+        verbose: int = 0,
+        directory: str | Path | None = None,
+        config_dir: str | Path | None = None,
+        **keys: Any,  # noqa: ANN401
+    ) -> None:
+        self.model = model
+        self.rate = rate
+        self.seed = seed
+        self.verbose = verbose
+        self.directory = directory
+        self.config_dir = config_dir
+        for name, value in keys.items():  # attributes, as the others: what ends in _ is fitted
+            setattr(self, name, value)
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """Return all parameters, and the keys that were given."""
+        names = (name for name in vars(self) if not name.startswith("_") and name[-1] != "_")
+        return {name: getattr(self, name) for name in sorted(names)}
+
+    def set_params(self, **params: Any) -> Self:  # noqa: ANN401
+        """Set parameters and keys, such as ``**{"haptic.features.thresholds": 5}``."""
+        for name, value in params.items():
+            setattr(self, name, value)
+        return self
+
+    @property
+    def _keys(self) -> dict[str, Any]:
+        """The keys of Hydra that were given."""
+        own = self._get_param_names()
+        return {name: value for name, value in self.get_params().items() if name not in own}
+
+    def fit(self, X: Any, y: Any, groups: Any = None) -> Self:  # noqa: ANN401
+        """Train on all recordings; ``groups`` are never divided where something is left out.
+
+        Args:
+            X: Recordings, see the class.
+            y: (samples,) labels: text, numbers or truth values.
+            groups: (samples,) sessions, specimens or persons; None is each on its own.
+
+        Raises:
+            UserError: If the recordings or the settings cannot be used; a ``ValueError``, too.
+        """
+        classes, labels = _labels(y)
+        with self._working() as folder:
+            overrides = self._overrides(folder)
+            composed = compose_config(overrides)
+            modalities = checked_config(composed).model.modalities
+            samples = self._samples(X, modalities, reset=True)
+            check_consistent_length(samples, labels)
+            known = None if groups is None else _groups(groups, len(samples))
+            write_samples(samples, labels, known, folder)
+            classifier, config = self._train(composed, overrides, folder)
+            self.classes_, self.predictor_ = classes, Predictor(classifier, config)
+        return self
+
+    def predict(self, X: Any) -> Array:  # noqa: ANN401
+        """Return a label for each recording; ``unknown`` as text with ``decision.unknown``."""
+        with self._using(X) as samples:
+            labels = [self._predicted(sample).label for sample in samples]
+        known = _by_name(self.classes_)
+        rejected = any(label not in known for label in labels)
+        found = [known.get(str(label), label) for label in labels]
+        return np.array(found, dtype=None if rejected else self.classes_.dtype)
+
+    def predict_proba(self, X: Any) -> Floats:  # noqa: ANN401
+        """Return mean probabilities (samples, classes) over all fragments, which sum to 1."""
+        with self._using(X) as samples:
+            found = [self._predicted(sample).probabilities for sample in samples]
+        names = [*_by_name(self.classes_)]
+        return np.array([[row[name] for name in names] for row in found], dtype=np.float64)
+
+    @torch.inference_mode()
+    def transform(self, X: Any) -> Array:  # noqa: ANN401
+        """Return embeddings (samples, D): mean features before the class scores, sense by sense."""
+        with self._using(X) as samples:
+            classifier = self.predictor_.classifier
+            rows = []
+            for sample in samples:
+                decoded = self.predictor_.decoded(sample, rate=self.rate)
+                classifier.require(decoded)
+                parts = [
+                    classifier.embedding(name, decoded[sense.modality][0]).mean(dim=1)
+                    for name, sense in classifier.senses.items()
+                ]
+                rows.append(torch.cat(parts).cpu().numpy())
+        return np.stack(rows)
+
+    def get_feature_names_out(self, input_features: Any = None) -> Array:  # noqa: ANN401
+        """Return names of the columns of :meth:`transform`: the sense and a number."""
+        check_is_fitted(self)
+        classifier, names = self.predictor_.classifier, []
+        for name in classifier.senses:  # of a baseline its class scores
+            known = classifier.statistics_of(name)
+            size = len(self.classes_) if known is None else known.means.shape[1]
+            names += [f"{name}{number}" for number in range(size)]
+        return np.array(names, dtype=object)
+
+    @torch.inference_mode()
+    def explain(self, X: Any) -> list[dict[str, Array]]:  # noqa: ANN401
+        """Return what every fragment says, by sense.
+
+        Returns:
+            For each sample by sense the probabilities (rows, columns, classes) that this sense
+            alone gives at each position of a photo; of a signal there is one row, in order of time,
+            without rests where the model leaves them out.
+        """
+        with self._using(X) as samples:
+            classifier, found = self.predictor_.classifier, []
+            for sample in samples:
+                decoded = self.predictor_.decoded(sample, rate=self.rate)
+                found.append(
+                    {
+                        name: self._ordered(classifier, name, decoded[sense.modality][0])
+                        for name, sense in classifier.senses.items()
+                        if sense.modality in decoded
+                    }
+                )
+        return found
+
+    def _ordered(self, classifier: SurfaceClassifier, name: str, recording: torch.Tensor) -> Array:
+        """Return probabilities (rows, columns, classes) of fragments in the order of classes."""
+        scores = classifier.fragment_scores(name, recording) / classifier.card.temperature
+        places = [classifier.card.classes.index(label) for label in _by_name(self.classes_)]
+        return scores.softmax(dim=0)[places].movedim(0, -1).cpu().numpy()
+
+    def enroll(self, X: Any, y: Any) -> Self:  # noqa: ANN401
+        """Add the classes of ``y`` without training anew; all of them have to be new.
+
+        Raises:
+            UserError: If a class is known, or classes cannot be added to this model.
+        """
+        check_is_fitted(self)
+        classes, labels = _labels(y, least=1)
+        before = self.predictor_
+        with self._working() as folder:
+            samples = self._samples(X, before.card.modalities, reset=False)
+            check_consistent_length(samples, labels)
+            manifest = write_samples(samples, labels, None, folder)
+            given = ["task=enroll", as_key_value("checkpoint", manifest)]
+            composed = compose_config([*given, *_data(manifest, folder, self.rate)])
+            data = checked_config(composed).data
+            extended = enroll(before.classifier, open_new_classes(data, before.classifier))
+            self.predictor_ = Predictor(extended, before.config)
+            self.classes_ = np.unique(np.concatenate([self.classes_, classes]))
+        return self
+
+    def save(self, path: str | Path) -> Path:
+        """Write a checkpoint that :func:`tex_lightning.load` and every task take."""
+        check_is_fitted(self)
+        target = Path(path).expanduser()
+        target.parent.mkdir(parents=True, exist_ok=True)
+        self.predictor_.classifier.save(target)
+        return target
+
+    @classmethod
+    def load(cls, path: str | Path, *, trusted: Sequence[str] = (), **params: Any) -> Self:  # noqa: ANN401
+        """Return the fitted estimator of a checkpoint or run folder, also the command line's.
+
+        Args:
+            path: A checkpoint, or the run folder that holds it.
+            trusted: Packages whose classes the checkpoint may name, see :func:`tex_lightning.load`.
+            **params: Parameters; :meth:`fit` would train by these.
+        """
+        trust(*trusted)
+        estimator = cls(**params)
+        with estimator._working() as folder:
+            classifier = load_classifier(find_checkpoint(path))
+            config = checked_config(compose_config(["task=predict", f"checkpoint={folder}"]))
+            estimator.predictor_ = Predictor(classifier, config)
+            estimator.classes_ = np.array(classifier.card.classes)
+        return estimator
+
+    def export(self, folder: str | Path, format: str = "onnx") -> list[Path]:
+        """Write the model to a folder: ``onnx`` for ONNX Runtime, ``web`` a page, ``card`` text.
+
+        Returns:
+            The files.
+        """
+        check_is_fitted(self)
+        with self._working() as scratch:
+            checkpoint = self.save(scratch / "model.ckpt")
+            given = {"checkpoint": checkpoint, "export.format": format}
+            overrides = [as_key_value(name, value) for name, value in given.items()]
+            config = checked_config(compose_config(["task=export", *overrides]))
+            out = Path(folder).expanduser()
+            out.mkdir(parents=True, exist_ok=True)
+            classifier = load_classifier(checkpoint)
+            written = export_classifier(config, classifier, checkpoint, out)
+        return [out / name for name in written["files"]]
+
+    @contextmanager
+    def _working(self) -> Iterator[Path]:
+        """Give a folder for the time of some work, which says no more than was asked for.
+
+        Raises:
+            InvalidInput: If the work ends with a user's mistake.
+        """
+        with ExitStack() as stack:
+            stack.enter_context(TURN)
+            stack.enter_context(verbosity(self.verbose))
+            stack.enter_context(messages())
+            stack.enter_context(finishing())
+            stack.enter_context(torch.random.fork_rng())
+            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="tex_lightning_"))
+            stack.callback(use_config_dir, [])
+            try:
+                if self.config_dir is not None:
+                    use_config_dir([f"--config-dir={self.config_dir}"])
+                yield Path(folder)
+            except Exception as error:
+                mistake = to_user_error(error, began=True)
+                if mistake is None:
+                    raise
+                said = (str(line).replace(f"{folder}{os.sep}", "") for line in mistake.args)
+                raise InvalidInput(*said) from error
+
+    @contextmanager
+    def _using(self, X: Any) -> Iterator[list[Sample]]:  # noqa: ANN401
+        """Give the samples of recordings to classify."""
+        check_is_fitted(self)
+        with self._working():
+            yield self._samples(X, self.predictor_.card.modalities, reset=False)
+
+    def _predicted(self, sample: Sample) -> Any:  # noqa: ANN401
+        return self.predictor_.predict(rate=self.rate, **sample)
+
+    def _samples(self, X: Any, modalities: Sequence[str], *, reset: bool) -> list[Sample]:  # noqa: ANN401
+        """Return samples, and keep what scikit-learn wants to know of an array."""
+        if is_table(X, modalities):
+            if reset or hasattr(self, "feature_names_in_"):
+                _check_feature_names(self, X, reset=reset)
+            X = check_array(X, allow_nd=True)
+            if reset:
+                self.n_features_in_ = X.shape[1]
+        return samples_of(X, modalities)
+
+    def _overrides(self, folder: Path) -> list[str]:
+        """Return the command line for a training on the manifest in a folder."""
+        given = {"seed": self.seed, **self._keys}
+        return [
+            "task=fit",
+            named_model(self.model),
+            *_data(folder / MANIFEST, folder, self.rate),
+            *(as_key_value(name, value) for name, value in given.items()),
+        ]
+
+    def _train(
+        self, composed: DictConfig, overrides: list[str], folder: Path
+    ) -> tuple[SurfaceClassifier, Config]:
+        """Train as the command line would, and return the whole model."""
+        job = Job(tuple(overrides), folder, "python", True, (), OmegaConf.create({"hydra": {}}))
+        config, _, job = settled(composed, job)
+        trust(*config.trusted, *named_classes(config.model.nodes))
+        if self.directory is None:
+            config = replace(config, logger={})
+        else:
+            name = f"{datetime.now():%Y-%m-%d_%H-%M-%S_%f}"
+            self.run_folder_ = folder = Path(self.directory).expanduser().resolve() / name
+        with joining(set_devices(config)):
+            check_processes(config, job)
+            dataset = open_training(config, folder)
+            fit_fold(config, dataset, folder)
+        return load_classifier(checkpoint_of(folder, config.model.kind)), config
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "predictor_")
+
+    def __sklearn_tags__(self) -> Any:  # noqa: ANN401
+        tags = super().__sklearn_tags__()
+        tags.input_tags.three_d_array = True
+        tags.input_tags.string = True
+        tags.transformer_tags.preserves_dtype = []
+        return tags
+
+
+def _data(manifest: Path, cache: Path, rate: float | None) -> list[str]:
+    """Return overrides for a manifest, all of which is used; what is decoded goes with it."""
+    given = {"data.manifest": manifest, "data.cache_dir": cache, "data.file_rate": rate}
+    everything = ["data=manifest", "data.test_fold=null"]
+    return [*everything, *(as_key_value(name, value) for name, value in given.items())]
+
+
+def _labels(y: Any, least: int = 2) -> tuple[Array, list[str]]:  # noqa: ANN401
+    """Return the different labels, and the name of each sample's class."""
+    if y is None:
+        raise InvalidInput("Estimator requires y to be passed, but the target y is None.")
+    check_classification_targets(y)
+    labels = column_or_1d(y, warn=True)
+    classes = np.unique(labels)
+    if len(classes) < least:
+        raise InvalidInput(
+            f"There is only one class ({listed([*map(str, classes)])}), and telling classes apart "
+            "takes two; give recordings of another."
+        )
+    if len(_by_name(classes)) < len(classes):
+        raise InvalidInput(
+            f"Of the labels {listed([*map(str, classes)])} some are one name; give other ones."
+        )
+    return classes, [one_name(str(label)) for label in labels.tolist()]
+
+
+def _by_name(classes: Array) -> dict[str, Any]:
+    """Return the label of each class by the name that the model knows."""
+    return {one_name(str(label)): label for label in classes.tolist()}
+
+
+def _groups(groups: Any, count: int) -> list[str]:  # noqa: ANN401
+    check_consistent_length(groups, range(count))
+    return [str(group) for group in np.asarray(groups).tolist()]
