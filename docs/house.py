@@ -28,6 +28,7 @@ PURPOSES = {
     "comparisons from it.",
     "inference": "Runs a trained network with fused and tiled operations. Contains the predictor, "
     "live streams and early stopping.",
+    "testing": "Checks a part of a user's own by the code that tries it before a training.",
     "baselines": "Contains the other systems of the paper and MiniRocket. All share one interface "
     "to fit and to classify.",
     "classifier": "Combines senses and fusion layer with a decision rule. Rebuilds them from a "

@@ -1,10 +1,12 @@
 """A fitted baseline as a classifier of raw recordings, saved and loaded like a network."""
 
+import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from torch import Tensor, nn
 
 from tex_lightning.classifier.card import Card, read_checkpoint, reading
@@ -17,7 +19,7 @@ from tex_lightning.config.instantiation import (
     trusted_class,
 )
 from tex_lightning.core.contract import breach, calling, describe
-from tex_lightning.data.recordings import Recording
+from tex_lightning.data.recordings import Recording, class_indices
 from tex_lightning.data.store import Store, load_recording
 from tex_lightning.errors import UserError
 from tex_lightning.networks.archives import SizeLimit
@@ -47,7 +49,7 @@ def make_baseline(name: str, node: Mapping[str, Any], budget: float) -> "Baselin
         UserError: If a library is missing, or a key is unknown or of the wrong type.
     """
     try:
-        baseline = make(WHERE, node)
+        baseline: Baseline = make(WHERE, node)
     except ModuleNotFoundError as error:
         if not node[TARGET].startswith(OWN):  # whose author reads the traceback
             raise
@@ -55,14 +57,23 @@ def make_baseline(name: str, node: Mapping[str, Any], budget: float) -> "Baselin
             f"model={name} needs {error.name}, which is not installed; run: "
             "pip install 'tex_lightning[baselines]'"
         ) from error
+    check_is_baseline(node[TARGET], baseline)
+    return baseline.with_budget(budget) if budget != 1 else baseline
+
+
+def check_is_baseline(name: str, baseline: object) -> None:
+    """Reject what does not derive from the base of all baselines; ``name`` is that of its class.
+
+    Raises:
+        UserError: If it does not.
+    """
     from tex_lightning.baselines.base import Baseline
 
     if not isinstance(baseline, Baseline):
         raise UserError(
-            f"{WHERE} names {node[TARGET]}, which is no baseline; derive it from "
+            f"{WHERE} names {name}, which is no baseline; derive it from "
             f"{Baseline.__module__}.{Baseline.__name__}."
         )
-    return baseline.with_budget(budget) if budget != 1 else baseline
 
 
 MIN_SECONDS = 0.05  # of movement: the paper's window
@@ -187,16 +198,37 @@ def _baseline_sense(card: Card, baseline: "Baseline") -> Sense:
 class BaselineClassifier(SurfaceClassifier):
     """Classify raw recordings of one sense with a baseline, on the CPU.
 
+    Args:
+        card: Card of the classifier.
+        baseline: An existing baseline of the card; None makes it.
+
     Attributes:
         baseline: Fitted, or about to be.
     """
 
     baseline: "Baseline"
 
-    def __init__(self, card: Card) -> None:
-        baseline = make_baseline(*(card.baseline[key] for key in ("name", "node", "budget")))
+    def __init__(self, card: Card, baseline: "Baseline | None" = None) -> None:
+        if baseline is None:
+            baseline = make_baseline(*(card.baseline[key] for key in ("name", "node", "budget")))
         super().__init__(card, {card.kind: _baseline_sense(card, baseline)})
         self.baseline = baseline
+
+    def fit(self, rows: Sequence[Recording], store: Store, seed: int) -> None:
+        """Fit the baseline to recordings, every class present.
+
+        Args:
+            rows: The recordings; their groups are given to a baseline that takes them.
+            store: Where they are decoded.
+            seed: Seed of everything random.
+        """
+        fit: Any = self.baseline.fit
+        labels = np.array(class_indices([row.label for row in rows], self.card.classes))
+        groups = [row.group_key for row in rows]
+        part = as_part(self.baseline)
+        with calling(*part):
+            more = {"groups": groups} if "groups" in inspect.signature(fit).parameters else {}
+            fit(Loaded(rows, store, self.senses[self.card.kind]), labels, seed, **more)
 
     def count_parameters(self) -> int:
         """Count the numbers that were fitted."""

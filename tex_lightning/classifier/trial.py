@@ -4,7 +4,7 @@ import io
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -188,6 +188,28 @@ def check_outputs(
         check_scores(scores, scored, classes)
         positions = partial(sense.positions, recording, "fc3")
         check_same(positions, partial(again.positions, recording, "fc3"), scored)
+
+
+def check_baseline(
+    classifier: SurfaceClassifier, rebuilt: SurfaceClassifier, recordings: Sequence[Tensor]
+) -> None:
+    """Check what a fitted baseline gives, and that its state is all that it has learnt.
+
+    Args:
+        classifier: Classifier with the fitted baseline.
+        rebuilt: The same, built anew; it gets the state of ``classifier``.
+        recordings: Decoded recordings that it was fitted to.
+
+    Raises:
+        UserError: If it does not keep its contract.
+    """
+    (sense,), network = classifier.senses.values(), cast(Any, classifier.network)
+    _, part = parts_of(sense)
+    with calling(*part):
+        state: object = network.baseline.state()
+    if not isinstance(state, dict) or not all(isinstance(x, Tensor) for x in state.values()):
+        raise breach(*part, f"has a state that is {describe(state)} of other things than tensors")
+    check_outputs(classifier.eval(), rebuilt.eval(), recordings)
 
 
 def saved(state: Mapping[str, Any]) -> dict[str, Any]:

@@ -6,14 +6,13 @@ from typing import Any
 
 from torch import Tensor
 
-from tex_lightning.baselines.classifier import BaselineClassifier, as_part
+from tex_lightning.baselines.classifier import BaselineClassifier
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.classifier.trial import BATCH, check_outputs, try_parts
+from tex_lightning.classifier.trial import BATCH, check_baseline, try_parts
 from tex_lightning.config import Config, ModelConfig
 from tex_lightning.config.instantiation import OWN
 from tex_lightning.config.model import FUSION
-from tex_lightning.core.contract import breach, calling, describe
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
@@ -134,12 +133,7 @@ def try_baseline(classifier: BaselineClassifier, recordings: Sequence[Tensor]) -
     """
     if type(classifier.baseline).__module__.startswith(OWN):
         return
-    part = as_part(classifier.baseline)
-    with calling(*part):
-        state: object = classifier.baseline.state()
-    if not isinstance(state, dict) or not all(isinstance(x, Tensor) for x in state.values()):
-        raise breach(*part, f"has a state that is {describe(state)} of other things than tensors")
-    check_outputs(classifier.eval(), _rebuilt(classifier).eval(), recordings[:BATCH])
+    check_baseline(classifier, _rebuilt(classifier), recordings[:BATCH])
 
 
 def _rebuilt(classifier: SurfaceClassifier) -> SurfaceClassifier:

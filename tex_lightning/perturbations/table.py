@@ -10,7 +10,15 @@ from typing import Any, Self
 import numpy as np
 from omegaconf import OmegaConf
 
-from tex_lightning.core.contract import breach, calling, describe, fault_of, resolve
+from tex_lightning.core.contract import (
+    Part,
+    breach,
+    calling,
+    check_call,
+    describe,
+    fault_of,
+    resolve,
+)
 from tex_lightning.core.files import require_file
 from tex_lightning.errors import UserError, reason
 from tex_lightning.perturbations import pixels, traces
@@ -139,6 +147,23 @@ def _changed(kind: Perturbation, recording: Array, value: float, scene: Scene) -
     if not kind.is_users:
         return np.asarray(function(recording, value, scene))
     part = f"{kind.name} of {kind.modality} in stability.severities", "perturbation", function
+    return perturb(part, function, recording, value, scene)
+
+
+def perturb(part: Part, function: Function, recording: Array, value: float, scene: Scene) -> Array:
+    """Return what a user's function makes of a recording, of any type of numbers.
+
+    Args:
+        part: The function, as its contract names it.
+        function: The function.
+        recording: Signal (axes, samples) float32, or photo (height, width, 3) uint8.
+        value: Value in the unit of the perturbation.
+        scene: Circumstances of the recording.
+
+    Raises:
+        UserError: If it returns no finite recording of this kind.
+    """
+    check_call(part, function, "recording", "value", "scene")
     with calling(*part):
         changed = np.asarray(function(recording, value, scene))
     channels = -1 if recording.dtype == np.uint8 else 0

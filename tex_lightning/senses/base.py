@@ -378,10 +378,24 @@ def make_sense(name: str, node: Mapping[str, Any], classes: int) -> Sense:
             raise UserError(f"{where}.{kind} gives {shorten(parts[kind])}, which is no nn.Module.")
         shape = {name: getattr(parts[kind], name, None) for name in ("bands", "blocks", "bins")}
         offered |= {name: value for name, value in shape.items() if value is not None}
-    if not callable(getattr(parts["network"], "features", None)):
-        raise UserError(
-            f"{where}.network names {node['network'][TARGET]}, which has no method "
-            "features(x, level); add one that gives class scores at level fc3."
-        )
+    check_network(f"{where}.network", node["network"][TARGET], parts["network"])
     check_decoding(f"{where}.decode", cls.medium, decode)
     return cls(name, modality, cls.make_decoder(decode), **parts)
+
+
+def check_network(where: str, name: str, network: object) -> None:
+    """Reject a network without the method that all have.
+
+    Args:
+        where: Its key.
+        name: Its class, for the message.
+        network: The network.
+
+    Raises:
+        UserError: If it has none.
+    """
+    if not callable(getattr(network, "features", None)):
+        raise UserError(
+            f"{where} names {name}, which has no method features(x, level); add one that gives "
+            "class scores at level fc3."
+        )

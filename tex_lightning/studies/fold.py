@@ -1,6 +1,5 @@
 """Train and test all networks of a model on one fold."""
 
-import inspect
 import logging
 import time
 from collections.abc import Iterable, Mapping, Sequence
@@ -9,24 +8,22 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
 import torch
 from lightning.pytorch.loggers import Logger
 
-from tex_lightning.baselines.classifier import BaselineClassifier, Loaded, as_part, load_classifier
+from tex_lightning.baselines.classifier import BaselineClassifier, load_classifier
 from tex_lightning.classifier.card import CROSSVAL, LABEL, Card, configured_card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, DataConfig, Folding, plain_values
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.console import log_once
-from tex_lightning.core.contract import calling
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import read_record, write_bytes
 from tex_lightning.core.progress import track
 from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.data.folds import Split, make_samples, split, tested_part
 from tex_lightning.data.quality import training_ranges
-from tex_lightning.data.recordings import Recordings, class_indices
+from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store, load_recording, load_sample
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.calibration import calibrated_card, sample_loss
@@ -73,18 +70,12 @@ def fit_baseline(
         log.info("%s is fitted already.", final)
         return load_classifier(final)
     rows = parts.train.of(card.modalities[0]).rows
-    labels = np.array(class_indices([row.label for row in rows], card.classes))
     classifier = BaselineClassifier(card)
     if weights is not None:
         log_once(log, classifier.baseline.load_weights(weights))
     log.info("Fitting %s to %d recordings.", card.title, len(rows))
     begin = time.perf_counter()
-    recordings = Loaded(rows, store, classifier.senses[card.kind])
-    with calling(*as_part(classifier.baseline)):
-        fit: Any = classifier.baseline.fit
-        groups = [row.group_key for row in rows]
-        more = {"groups": groups} if "groups" in inspect.signature(fit).parameters else {}
-        fit(recordings, labels, config.seed, **more)
+    classifier.fit(rows, store, config.seed)
     seconds = time.perf_counter() - begin
     try_baseline(classifier, [load_recording(row, store) for row in rows[:2]])
     validation = make_samples(parts.val, card.modalities)

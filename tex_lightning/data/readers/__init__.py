@@ -6,7 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 from tex_lightning.config import DataConfig
-from tex_lightning.config.instantiation import build
+from tex_lightning.config.instantiation import OWN, build
+from tex_lightning.core.contract import calling
 from tex_lightning.data.folds import check_conditions, with_folds
 from tex_lightning.data.recordings import (
     Recording,
@@ -46,6 +47,21 @@ def checked_table(table: Any, reader: str) -> Recordings:  # noqa: ANN401
     return replace(named, notes=(*named.notes, *divided_groups(named.rows)))
 
 
+def read_table(reader: Any) -> Recordings:  # noqa: ANN401
+    """Return the checked table of a reader.
+
+    Raises:
+        UserError: If :func:`checked_table` rejects it.
+        Exception: Any exception of a custom reader, with a note of its contract.
+    """
+    name = type(reader).__name__
+    if type(reader).__module__.startswith(OWN):
+        return checked_table(reader.read(), name)
+    with calling("data.reader", "reader", reader):
+        table = reader.read()
+    return checked_table(table, name)
+
+
 def divided_groups(rows: Sequence[Recording]) -> list[str]:
     """Say that the folds of a table divide groups, where they do."""
     folds: dict[str, set[int]] = defaultdict(set)
@@ -82,7 +98,7 @@ def read_recordings(
     if modalities is not None and "senses" in node:
         node = {**node, "senses": list(modalities)}
     reader = build("data.reader", node)
-    recordings = checked_table(reader.read(), type(reader).__name__)
+    recordings = read_table(reader)
     classes = recordings.classes
     if config.classes is not None and config.classes > len(classes):
         raise UserError(
