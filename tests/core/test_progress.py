@@ -2,6 +2,8 @@
 
 import io
 import logging
+import sys
+import types
 
 import pytest
 from rich.console import Console
@@ -133,4 +135,39 @@ def test_whoever_debugs_is_told_what_others_say(file, logger):
         other.info("three")
     assert file.getvalue().splitlines() == [
         "two (a_library.of.others)", "three (a_library.of.others)",
+    ]  # fmt: skip
+
+
+def test_a_notebook_has_one_line_that_is_written_anew(monkeypatch):
+    shown = []
+
+    class Handle:
+        def update(self, data, raw):
+            shown.append(("update", data["text/plain"], raw))
+
+    def display(data, raw, display_id):
+        shown.append(("display", data["text/plain"], raw and display_id))
+        return Handle()
+
+    class Shell:
+        execution_count = 7
+
+    notebook = types.ModuleType("IPython")
+    notebook.get_ipython = Shell
+    notebook.display = types.SimpleNamespace(display=display)
+    monkeypatch.setitem(sys.modules, "IPython", notebook)
+    monkeypatch.setattr(progress.NotebookLine, "handle", None)
+    monkeypatch.setattr(progress, "SHOWN", 0)
+    monkeypatch.setattr(progress.console, "is_jupyter", True)
+    monkeypatch.setattr(progress.console, "quiet", False)
+    with verbosity(1):
+        assert [*track("ab", "letter")] == ["a", "b"]
+    Shell.execution_count = 8
+    with verbosity(1):
+        assert [*track("c", "letter")] == ["c"]
+    with verbosity(0):
+        assert [*track("de", "letter")] == ["d", "e"]
+    assert shown == [
+        ("display", "letter 1/2", True), ("update", "letter 2/2", True), ("update", "", True),
+        ("display", "letter", True), ("update", "", True),
     ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""Progress: Rich's bars on a terminal, a line a minute elsewhere.
+"""Progress: Rich's bars on a terminal, a line in a notebook, a line a minute elsewhere.
 
 Work is nested: folds have networks, networks epochs. Each level has a bar below the outer one.
 """
@@ -7,7 +7,7 @@ import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from contextlib import contextmanager
-from typing import ClassVar, Self, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Column
@@ -18,6 +18,7 @@ from tex_lightning.text import printable
 Item = TypeVar("Item")
 BAR = 16  # columns
 TOLD = 60.0  # seconds between two lines where nothing can be redrawn
+SHOWN = 0.2  # seconds between two texts of a notebook's line
 DAY = 24 * 3600.0  # seconds that a pace is taken from, at most
 log = logging.getLogger(__name__)
 
@@ -55,7 +56,10 @@ class Stage:
         self.title = title or self.title
         self.note = ", ".join(notes) or self.note
         self._show(done)
-        _log_progress()
+        if NotebookLine.is_possible():
+            NotebookLine.show("; ".join(level.label for level in Stage.levels))
+        else:
+            _log_progress()
 
     def _show(self, done: float) -> None:
         counted = self.total is not None and self.total > 1
@@ -68,6 +72,37 @@ class Stage:
         """Remove this level and the levels inside it."""
         if self in Stage.levels:
             _cut(Stage.levels.index(self))
+
+
+class NotebookLine:
+    """One line below the cell of a notebook that runs, written anew as the work goes on.
+
+    Rich's bars would need ipywidgets there.
+    """
+
+    handle: ClassVar[Any] = None
+    cell: ClassVar[int] = -1
+    shown: ClassVar[float] = 0.0
+
+    @classmethod
+    def is_possible(cls) -> bool:
+        """Return whether this is a notebook, and progress is asked for."""
+        return console.is_jupyter and not console.quiet and Screen.verbose > QUIET
+
+    @classmethod
+    def show(cls, text: str) -> None:
+        """Show a text in place of the last one; every cell has a line of its own."""
+        from IPython import display, get_ipython  # there in every notebook
+
+        make: Any = display.display
+        if cls.handle is None or cls.cell != get_ipython().execution_count:
+            cls.handle = make({"text/plain": text}, raw=True, display_id=True)
+            cls.cell = get_ipython().execution_count
+        elif not text or time.monotonic() - cls.shown >= SHOWN:
+            cls.handle.update({"text/plain": text}, raw=True)
+        else:
+            return
+        cls.shown = time.monotonic()
 
 
 def _bars() -> Progress:
@@ -86,6 +121,8 @@ def _cut(depth: int) -> None:
     del Stage.levels[depth:]
     if not Stage.levels:
         Stage.bars.stop()
+        if NotebookLine.handle is not None and NotebookLine.is_possible():
+            NotebookLine.show("")
 
 
 def _log_progress() -> None:

@@ -101,7 +101,7 @@ def with_defaults(task: str, data: DataConfig, model: ModelConfig, job: Job) -> 
         ).medium  # its other keys may be checked later
         check_decoding(f"model.{name}.decode", medium, sense.decode)
     if reads_data and data.name != SYNTHETIC:  # which would be rendered before anything is checked
-        job = _with_real_folds(data, model, job)
+        job = _with_real_folds(task, data, model, job)
     if data.sampling_rate is None and (reads_data or task == "profile"):  # others have a card
         rate = _own_rate(data, model) if reads_data else PAPERS_RATE
         job = replace(job, overrides=(*job.overrides, f"{RATE}={rate:g}"))
@@ -118,12 +118,14 @@ def _without_validation(data: DataConfig, job: Job) -> Job:
     return replace(job, overrides=(*job.overrides, "data.val_fold=null"))
 
 
-def _with_real_folds(data: DataConfig, model: ModelConfig, job: Job) -> Job:
+def _with_real_folds(task: str, data: DataConfig, model: ModelConfig, job: Job) -> Job:
     """Set the number of folds to those that the table fixes, or at most the groups of a class."""
     folds = count_folds(read_recordings(data, model.modalities, least=1))
     if folds == data.folds:
         return job
-    log.info(
+    told = data.withholds or task != "fit"  # else nothing is divided
+    log.log(
+        logging.INFO if told else logging.DEBUG,
         "There are %d folds in place of data.folds=%d: the table says so in its column fold, or no "
         "class has recordings of more groups.",
         folds, data.folds,
