@@ -140,6 +140,13 @@ def make_photo(kind: int, recording: int, side: int = 240) -> np.ndarray:
     return np.repeat(grey.clip(0, 255).astype(np.uint8)[..., None], 3, axis=2)
 
 
+def own_arrays() -> dict[str, object]:
+    """Names as the documentation has them: recordings (12, 1, samples), labels and sessions."""
+    traces = [make_trace(kind, recording) for kind in range(3) for recording in range(4)]
+    labels, sessions = np.repeat(CLASSES, 4), np.tile([0, 0, 1, 1], 3)
+    return {"X": np.stack(traces)[:, None], "y": labels, "session": sessions}
+
+
 @pytest.fixture(scope="session")
 def surfaces(common) -> Path:
     """ROOT/CLASS/{haptic,image}: three classes, ten recordings each, easily told apart."""

@@ -109,6 +109,8 @@ def lay_out(folder: Path, page: Path, world: Path, run: Path) -> None:
     (folder / "NEW").symlink_to(world / "new")
     _write(folder / "A", "haptic", 0, 20)  # which no network was trained on
     _write(folder / "B", "image", 0, 20)
+    _write(folder / "C", "haptic", 1, 20)
+    _write(folder / "D", "image", 1, 20)
     write_manifest(folder / "FILE", world / "all", "haptic", "image")
     for file, trunk in WEIGHTS.items():
         if file in text:

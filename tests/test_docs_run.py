@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import make_photo, make_trace
+from conftest import make_photo, make_trace, own_arrays
 from docs_world import WEIGHTS, lay_out, write_surfaces, write_web_runtime
 from documentation import (
     MULTIRUN,
@@ -93,6 +93,7 @@ def test_a_page_runs_from_top_to_bottom(page, world, trained, cache, cli, monkey
     trace, frame = make_trace(0, 0, 12.0)[None], make_photo(0, 0, 2 * 224)
     chunks = np.array_split(trace, 20, axis=1)
     names = {"tl": tl, "samples": trace, "frame": frame, "chunks": chunks, "chunk": trace}
+    names |= own_arrays()
     shell: dict[object, list[str]] = {}
     for block, command in commands(page):
         shell.setdefault(block, []).append(command)

@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 import soundfile
-from conftest import RATE, make_photo, make_trace
+from conftest import RATE, make_photo, make_trace, own_arrays
 from PIL import Image
 
 import tex_lightning as tl
@@ -67,6 +67,7 @@ def test_the_python_of_the_readme_runs():
     blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     samples = make_trace(0, 0)
     known = {"samples": samples, "frame": make_photo(0, 0), "chunks": np.split(samples, 4)}
+    known |= own_arrays()
     for block in blocks:
         exec(block, known)
     assert ".predict(" in "\n".join(blocks)
