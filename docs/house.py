@@ -11,8 +11,8 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "tex_lightning"
 HEADINGS = ("package", "purpose", "imports")
 PURPOSES = {
-    "estimator": "Trains and classifies arrays with the conventions of scikit-learn. Is a client of "
-    "what the tasks call.",
+    "estimator": "Trains and classifies arrays with the conventions of scikit-learn. Calls what the "
+    "tasks call.",
     "cli": "Parses a command line or the arguments of `tl.train`. Composes the configuration and "
     "dispatches the task.",
     "tasks": "Contains one module for each `task=NAME`. Each has a function `run(config, job)`.",
