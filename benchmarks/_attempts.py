@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from tex_lightning.errors import UserError, printable
-from tex_lightning_runtime import UserError as RuntimeUserError
+from tex_lightning.errors import UserError
+from tex_lightning.text import printable
 
 Array = np.ndarray[Any, Any]
 
@@ -89,7 +89,7 @@ def attempt(read: Callable[[], list[Array]], *names: str) -> Attempt:
         warnings.simplefilter("always")
         try:
             outcome, why = _judge(read())
-        except (UserError, RuntimeUserError) as error:
+        except UserError as error:
             outcome, why = _judge_sentence(str(error), names)
         except (Exception, Hangs) as error:
             outcome, why = WRONG, f"{type(error).__name__}: {error}"

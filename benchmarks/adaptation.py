@@ -30,10 +30,10 @@ from benchmarks.accuracy import (
     score,
     select,
 )
-from tex_lightning.data.decode import to_rate
 from tex_lightning.data.own_defaults import PAPERS_RATE, SLOW_RATE
 from tex_lightning.networks.linear import LinearNet
 from tex_lightning.senses.features.proportions import BandProportions
+from tex_lightning_runtime.resampling import to_rate
 
 SPEEDS = (0.75, 4 / 3)
 ROUNDS = 2

@@ -21,7 +21,7 @@ def test_what_a_reader_does_wrong_is_told(tmp_path, monkeypatch):
         print("library")
         raise KeyError("inside")
 
-    monkeypatch.setattr("tex_lightning.data.traces.axes_first", break_reading)
+    monkeypatch.setattr("tex_lightning_runtime.traces.axes_first", break_reading)
     with pytest.raises(RuntimeError, match="npy is refused whole: "):
         next(attempts("npy", 1, tmp_path))
 

@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
 from tex_lightning.core.console import print_line
-from tex_lightning.errors import SHOWN, UserError, listed, reason, shorten
+from tex_lightning.errors import UserError, listed, reason, shorten
 from tex_lightning.text import from_cell, printable, to_cell, to_json, to_markdown
+from tex_lightning_runtime.errors import SHOWN
 
 HOSTILE = (
     "$x^{", "[/b]", "a\x1b[31m", "=cmd|' /C calc'!A0", "<img src=http://x>", "![a](http://x)",

@@ -7,14 +7,13 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tex_lightning.errors import UserError
-
 if TYPE_CHECKING:
     from tex_lightning.classifier.classifier import SurfaceClassifier
     from tex_lightning.cli import Results, train
     from tex_lightning.data.datamodule import SurfaceData
     from tex_lightning.data.readers.folder import read_folder
     from tex_lightning.data.recordings import Recording, Recordings, read_manifest
+    from tex_lightning.errors import UserError
     from tex_lightning.estimator import Estimator
     from tex_lightning.inference.prediction import Prediction
     from tex_lightning.inference.predictor import Predictor, load
@@ -59,6 +58,7 @@ _MODULES = {
     "Results": "cli",
     "SurfaceClassifier": "classifier.classifier",
     "SurfaceData": "data.datamodule",
+    "UserError": "errors",
     "VisualNet": "networks.visualnet",
     "load": "inference.predictor",
     "read_folder": "data.readers.folder",

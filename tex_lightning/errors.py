@@ -1,56 +1,13 @@
-"""The exception for errors that the user can fix, and the form of quoted values in it."""
+"""The exception for errors that the user can fix, and the form of quoted values in it.
 
-from collections.abc import Sequence
+They are those of the package that reads files, which stands below this one.
+"""
 
-from tex_lightning.text import printable
-
-SHOWN = 200  # characters of a value that a message repeats
-MAX_NAMES = 20  # names that it lists
-
-
-class UserError(Exception):
-    """Bad input or configuration.
-
-    The message is one plain sentence: what was wrong, where (file or key), and what to do.
-    The command line prints it without a traceback and exits with status 2.
-
-    Args:
-        *lines: The sentence, optionally followed by a list. Each is printed as one line, even if
-            file names in it contain line breaks.
-
-    Example:
-        >>> import tex_lightning as tl
-        >>> try:
-        ...     tl.load("/nowhere.ckpt")
-        ... except tl.UserError as error:
-        ...     print(error)
-        Checkpoint /nowhere.ckpt does not exist; check the path.
-    """
-
-    def __str__(self) -> str:
-        return "\n".join(printable(str(line)) for line in self.args)
+from tex_lightning_runtime.errors import UserError as UserError
+from tex_lightning_runtime.errors import listed as listed
+from tex_lightning_runtime.errors import reason as reason
+from tex_lightning_runtime.errors import shorten as shorten
 
 
 class InvalidInput(UserError, ValueError):
     """The same, raised by the estimator: scikit-learn expects a ``ValueError``."""
-
-
-def shorten(value: object) -> str:
-    """Return a text for a message, in one line: a long value keeps its beginning and end."""
-    text = printable(str(value))
-    if len(text) <= SHOWN:
-        return text
-    half = SHOWN // 2
-    return f"{text[:half]}[{len(text) - 2 * half} more characters]{text[-half:]}"
-
-
-def reason(error: object) -> str:
-    """Return what a library said to be quoted: one line, shortened, without full stops."""
-    said = " ".join(str(error).split()) or type(error).__name__
-    return shorten(said).rstrip(". ").replace(". ", "; ")
-
-
-def listed(names: Sequence[str]) -> str:
-    """Return names as a message quotes them: shortened, and no more than can be read."""
-    more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
-    return ", ".join(shorten(name) for name in names[:MAX_NAMES]) + more

@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from tex_lightning_runtime.errors import printable as printable
+
 FORMULA = re.compile(
     r"'*[=+\-@]"
 )  # what a spreadsheet computes, and what was marked as text before
@@ -18,11 +20,6 @@ FORMULA = re.compile(
 MARKDOWN = re.compile(
     r"[\\`*\[\]<>|~$]|^[#+=-]|&(?=[#\w])|:(?=//)|(?<=www)\.|(?<![^\W_])_|_(?![^\W_])"
 )
-
-
-def printable(text: str) -> str:
-    """Return one line without control characters, line breaks and marks of writing direction."""
-    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
 
 
 def printable_lines(text: str) -> str:

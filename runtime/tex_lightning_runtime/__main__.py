@@ -8,10 +8,10 @@ from glob import glob, has_magic
 from io import TextIOWrapper
 from pathlib import Path
 
-from tex_lightning_runtime.recordings import UserError, require
+from tex_lightning_runtime.errors import UserError, require
+from tex_lightning_runtime.photos import IMAGE_SUFFIXES
 from tex_lightning_runtime.runtime import Runtime
-
-KNOWN = r"\.(wav|flac|npy|txt|csv|tsv|lvm|jpe?g|png|bmp|webp)$"
+from tex_lightning_runtime.traces import TRACE_SUFFIXES
 
 
 def main() -> int:
@@ -71,7 +71,7 @@ def _files(value: str) -> list[str]:
     if path.is_file() or not (path.is_dir() or has_magic(value)):
         return [value]
     found = glob(f"{path}/*" if path.is_dir() else str(path), recursive=True)  # noqa: PTH207
-    known = [each for each in found if re.search(KNOWN, each.lower())]
+    known = [each for each in found if each.lower().endswith((*TRACE_SUFFIXES, *IMAGE_SUFFIXES))]
     return sorted(known, key=lambda each: re.sub(r"\d+", lambda n: n[0].zfill(20), Path(each).stem))
 
 

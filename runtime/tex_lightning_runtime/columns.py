@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tex_lightning_runtime.samples import Array, Channels
 from tex_lightning_runtime.times import (
     EVEN,
     ONLY_DATE,
@@ -28,8 +29,6 @@ from tex_lightning_runtime.times import (
 if TYPE_CHECKING:
     import pandas as pd
 
-Array = np.ndarray[Any, np.dtype[Any]]
-Channels = Sequence[int | str] | None  # numbers from 0, names of columns, or all
 TIMES = {  # one of them makes a column one of time
     "time", "times", "timestamp", "timestamps", "datetime", "zeit", "zeiten", "zeitstempel",
     "uhrzeit", "temps", "tiempo", "tempo", "tijd", "czas", "epoch", "epoc", "elapsed", "时间",

@@ -16,7 +16,8 @@ from tex_lightning_runtime.plain_text import (
     without_comments,
     without_names,
 )
-from tex_lightning_runtime.times import RATES, STAMP, UNITS, TableError
+from tex_lightning_runtime.resampling import MAX_RATE, MIN_RATE
+from tex_lightning_runtime.times import STAMP, UNITS, TableError
 
 WORDS = {"stamp": "object", "text": "category"}  # as which pandas reads them
 SAMPLE, SHOWN = 40, 400  # lines that the dialect is found in, letters of each
@@ -341,13 +342,13 @@ def _is_rate(first: list[str], rows: Sequence[Sequence[str]]) -> bool:
     if len(first) != 1 or not WHOLE.fullmatch(first[0]) or not _are_fractions(rows):
         return False
     largest = max(abs(float(row[0].replace(",", "."))) for row in rows if kind(row[0]) == "number")
-    return RATES[0] <= float(first[0]) <= RATES[1] and float(first[0]) > 10 * largest
+    return MIN_RATE <= float(first[0]) <= MAX_RATE and float(first[0]) > 10 * largest
 
 
 def _lone_rate(cell: str, notes: list[str]) -> float | None:
     """Return a number that stands alone above the table, if it can be a rate."""
     value = _amount(cell)
-    if value is not None and RATES[0] <= value <= RATES[1]:
+    if value is not None and MIN_RATE <= value <= MAX_RATE:
         return value
     notes.append(f"the line {cell!r} above the numbers is left out")
     return None

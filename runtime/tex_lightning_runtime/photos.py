@@ -5,51 +5,83 @@ where none is brighter, as cameras with 12 bits write them; numbers with a point
 255 where some are larger. Colours beneath transparent pixels are taken as they are stored.
 """
 
+import ctypes
 import struct
+import warnings
 import zlib
 from collections.abc import Iterator
+from functools import cache
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-Array = np.ndarray[Any, np.dtype[Any]]
+from tex_lightning_runtime.errors import UserError, reason
+from tex_lightning_runtime.files import require_file
+from tex_lightning_runtime.samples import Array
+
+IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
+FORMATS = ("JPEG", "PNG", "BMP", "TIFF", "WEBP")  # whatever a name says; EPS starts a program
 # Of a JPEG at its end: one row of its blocks, the one above with which colours are mixed; a tenth.
 LOST_ROWS, LOST_SHARE = 17, 0.1
 TWELVE_BITS, SIXTEEN_BITS = 4095, 65535
-LARGEST = 1 << 28  # bytes of a file that is mended
+MAX_MENDED = 1 << 28  # bytes of a file
 PNG, JPEG, END = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"\xff\xd9"
 KEPT = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")  # chunks of a PNG that its pixels need
 FILLS = (b"\x00", b"\x55")  # of what is missing: where the pixels differ by it, they are lost
 
 
-def read_photo(path: Path, formats: tuple[str, ...]) -> tuple[Array, list[str]]:
+def read_photo(path: Path) -> tuple[Array, list[str]]:
     """Read a photo (height, width, 3) uint8, upright, and what is to be said of it.
 
-    Args:
-        path: An image file.
-        formats: Those that are read, as Pillow calls them.
-
     Raises:
-        Exception: Of any kind, if it is no image, or damaged so that more than a little is missing.
+        UserError: If it is missing, empty, no image, or damaged so that more than a little is
+            missing.
     """
-    from PIL import Image  # where it is needed: start-up is counted in milliseconds
+    from PIL import UnidentifiedImageError  # where it is needed: start-up takes milliseconds
+
+    require_file(path)
+    suppress_libtiff()
+    try:
+        with warnings.catch_warnings(action="ignore"):  # of metadata
+            return _read(path)
+    except UnidentifiedImageError as error:
+        raise UserError(f"Image {path} is in no known format; use JPEG or PNG.") from error
+    except Exception as error:  # damage shows in as many ways as there are formats
+        raise UserError(
+            f"Image {path} is damaged or too large ({reason(error)}); replace the file."
+        ) from error
+
+
+@cache
+def suppress_libtiff() -> None:
+    """Suppress the output of the libtiff that comes with Pillow; another one may print."""
+    from PIL import _imaging
+
+    home = Path(_imaging.__file__).parents[1]
+    for folder in ("pillow.libs", "PIL/.dylibs"):
+        for library in (home / folder).glob("libtiff*"):
+            ctypes.CDLL(str(library)).TIFFSetErrorHandler(None)
+
+
+def _read(path: Path) -> tuple[Array, list[str]]:
+    from PIL import Image
 
     try:
-        with Image.open(path, formats=formats) as image:
+        with Image.open(path, formats=FORMATS) as image:
             return to_rgb(image)
     except Exception:
-        content = path.read_bytes() if path.stat().st_size <= LARGEST else b""
+        content = path.read_bytes() if path.stat().st_size <= MAX_MENDED else b""
         lost, note = 0, "its texts or its end are damaged and left out"
         if content.startswith(PNG):
             content = _bare_png(content)
         elif content.startswith(JPEG):
             content, note = content.removesuffix(END[:1]) + END, "its end is missing"
-            lost = _lost_rows(content, formats)
+            lost = _lost_rows(content)
         else:
             raise
-    with Image.open(BytesIO(content), formats=formats) as image:
+    with Image.open(BytesIO(content), formats=FORMATS) as image:
         if lost:
             note += f", and its last {lost} of {image.height} rows are left out"
         photo, notes = to_rgb(image.crop((0, 0, image.width, image.height - lost)))
@@ -122,7 +154,7 @@ def _chunks(content: bytes) -> Iterator[bytes]:
         place += 12 + length
 
 
-def _lost_rows(content: bytes, formats: tuple[str, ...]) -> int:
+def _lost_rows(content: bytes) -> int:
     """Return how many rows at the end of a JPEG are missing, if it is only a little.
 
     The pixels are computed twice, with different data in place of what is missing. What is there
@@ -136,7 +168,7 @@ def _lost_rows(content: bytes, formats: tuple[str, ...]) -> int:
     photos = []
     for fill in FILLS:
         filled = content.removesuffix(END) + 4096 * fill + END
-        with Image.open(BytesIO(filled), formats=formats) as image:
+        with Image.open(BytesIO(filled), formats=FORMATS) as image:
             photos.append(np.asarray(image.convert("RGB")))
     (differ,) = (photos[0] != photos[1]).any(axis=(1, 2)).nonzero()
     lost = len(photos[0]) - int(differ[0]) if len(differ) else 0

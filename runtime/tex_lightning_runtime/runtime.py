@@ -9,15 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from tex_lightning_runtime.recordings import (
-    Array,
-    Decoded,
-    UserError,
-    assess,
-    decode,
-    read_trace,
-    require,
-)
+from tex_lightning_runtime.errors import UserError, require
+from tex_lightning_runtime.quality import together
+from tex_lightning_runtime.recordings import Decoded, Raw, assess, decode, read_trace
+from tex_lightning_runtime.samples import Array
 
 FORMAT, FATAL = 2, 4  # of the file's metadata; severity of what ONNX Runtime logs
 MAX_PAIRS = 1_000_000  # of fragments that several senses vote over
@@ -79,8 +74,8 @@ class Runtime:
         inputs = {name: decoded[name] for name in self.senses if name in decoded}
         absent = " and ".join(name for name in self.senses if name not in decoded)
         require(not absent, f"The network needs {' and '.join(self.senses)}; give {absent} too.")
-        found, empty = self._run(inputs), all(each.empty for each in inputs.values())
-        warnings = [warning for each in inputs.values() for warning in each.warnings]
+        found, quality = self._run(inputs), together(each.quality for each in inputs.values())
+        empty, warnings = quality.empty, [*quality.warnings]
         judges, classes = self.card["unknown"] is not None, self.card["classes"]
         said: dict[str, Any] = {"label": None, "rejected": False, "probability": None}
         said |= {"confidence": None, "top_k": [], "fragments": 0, "relative_macs": 1.0}
@@ -146,10 +141,10 @@ class Stream:
             chunks[next(name for name, each in senses.items() if "rate" in each)] = samples
         for name, chunk in chunks.items():
             sense = self._runtime.sense(name)
-            new, rate = read_trace(chunk, sense, self._rate, is_chunk=True)
+            new, rate, title = read_trace(chunk, sense, self._rate, is_chunk=True)
             raw = self._raw.get(name, new[:, :0])
             require(len(raw) == len(new), f"{name} had {len(raw)} axes before; give as many.")
             kept = 0 if self._window is None else -max(1, round(self._window * rate))
             self._raw[name] = np.concatenate((raw, new), axis=1)[:, kept:]
-            self._decoded[name] = assess(self._raw[name], rate, sense)
+            self._decoded[name] = assess(Raw(self._raw[name], rate, title), sense)
         return self._runtime.decide(self._decoded, begin)

@@ -32,9 +32,15 @@ def read_sound(path: Path, most: int) -> tuple[Array, float, list[str]]:
         most: Number of samples of all channels that are read.
 
     Raises:
-        ValueError: If it is cut off, or claims more samples.
-        soundfile.SoundFileError: If it is no sound.
+        ValueError: If it is no sound, cut off, or claims more samples.
     """
+    try:
+        return _read(path, most)
+    except soundfile.SoundFileError as error:
+        raise ValueError(str(error)) from error
+
+
+def _read(path: Path, most: int) -> tuple[Array, float, list[str]]:
     source, notes = _whole(path)
     with soundfile.SoundFile(source) as sound:  # which reads a truncated file without a word
         if cut := CUT.search(sound.extra_info):

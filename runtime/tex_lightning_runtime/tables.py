@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tex_lightning_runtime.columns import Array, Channels, Column, Reading, separate
+from tex_lightning_runtime.columns import Column, Reading, separate
 from tex_lightning_runtime.layout import (
     MISSING,
     NUMBER,
@@ -26,6 +26,7 @@ from tex_lightning_runtime.layout import (
     mismatch,
 )
 from tex_lightning_runtime.plain_text import read_plain
+from tex_lightning_runtime.samples import Array, Channels
 from tex_lightning_runtime.times import STAMP, TableError
 
 if TYPE_CHECKING:

@@ -4,14 +4,16 @@ Times are numbers of a unit, or stamps: ISO dates, dates of other countries, clo
 """
 
 import re
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+
+from tex_lightning_runtime.resampling import MAX_RATE, MIN_RATE
+from tex_lightning_runtime.samples import Array
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Array = np.ndarray[Any, np.dtype[Any]]
 UNITS: dict[str, float] = {  # in seconds
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds", "sekunden"), 1.0),
     **dict.fromkeys(("ms", "msec", "msecs", "millis", "millisec", "millisecond"), 1e-3),
@@ -27,7 +29,6 @@ UNITS: dict[str, float] = {  # in seconds
 }
 SHORT = ("s", "ms", "us", "ns", "min", "h", "d")  # what a message proposes
 EPOCH = (9e8, 4.2e9)  # seconds since 1970: 1998 to 2103
-RATES = (19.0, 210_000.0)  # Hz, that a signal may have
 DAY = 86_400.0
 EVEN = 0.01  # of a step, up to which samples stay as they are
 MISSING = 2.5  # steps, above which samples are missing; times rounded to few digits reach 2
@@ -108,7 +109,7 @@ def number_seconds(values: Array, unit: float | None, name: str) -> Array:
     if unit is None:
         steps = np.diff(since)  # gaps and repetitions apart
         step = float(np.median(steps) or steps.mean()) if len(steps) else 0.0
-        if step and not RATES[0] <= 1 / abs(step) <= RATES[1]:
+        if step and not MIN_RATE <= 1 / abs(step) <= MAX_RATE:
             raise ask_unit(name, f"which rises by {step:.6g} a sample, has no unit")
         unit = 1.0
     return since * unit

@@ -10,10 +10,10 @@ from scipy.special import softmax
 
 import tex_lightning as tl
 from tex_lightning.classifier.vote import max_vote, mean_vote, random_tuples, score_vote
-from tex_lightning.data.quality import Quality
 from tex_lightning.errors import UserError
 from tex_lightning.inference.prediction import describe
 from tex_lightning.networks.linear import fit_temperature
+from tex_lightning_runtime.quality import Quality
 
 LOGITS = arrays(
     np.float32,

@@ -6,16 +6,11 @@ import pytest
 import soundfile
 from PIL import EpsImagePlugin, Image
 
-from tex_lightning.data.decode import (
-    PhotoDecoder,
-    SignalDecoder,
-    as_photo,
-    as_trace,
-    halve,
-    to_rate,
-)
-from tex_lightning.data.traces import axis_files
+from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.errors import UserError
+from tex_lightning_runtime.pixels import as_pixels, halve
+from tex_lightning_runtime.samples import as_trace
+from tex_lightning_runtime.traces import axis_files
 
 SIGNAL, PHOTO = SignalDecoder(), PhotoDecoder()
 AXES = np.random.default_rng(0).uniform(-0.9, 0.9, (3, 700)).astype(np.float32)
@@ -184,13 +179,13 @@ def test_postscript_in_a_photo_starts_no_program(tmp_path, monkeypatch):
     ("size", "rows", "columns"), [((61, 41), (18, 43), (8, 33)), ((20, 41), (0, 20), (5, 35))]
 )
 def test_of_a_large_photo_the_middle_is_kept(tmp_path, monkeypatch, size, rows, columns):
-    monkeypatch.setattr("tex_lightning.data.decode.MAX_PIXELS", 600)
-    monkeypatch.setattr("tex_lightning.data.decode.MAX_SIDE", 24)
+    monkeypatch.setattr("tex_lightning_runtime.pixels.MAX_PIXELS", 600)
+    monkeypatch.setattr("tex_lightning_runtime.pixels.MAX_SIDE", 24)
     pixels = np.random.default_rng(0).integers(0, 256, (*size, 3), np.uint8)
     expected, whole = pixels[slice(*rows), slice(*columns)], PhotoDecoder(half_scale=False)
     Image.fromarray(pixels).save(tmp_path / "a.png")
     np.testing.assert_array_equal(whole.decode(tmp_path / "a.png")[0], expected)
-    np.testing.assert_array_equal(as_photo(pixels, whole, "rgb"), expected)
+    np.testing.assert_array_equal(whole.scale(as_pixels(pixels), "it"), expected)
     assert PhotoDecoder(half_scale=False, resize=30).decode(tmp_path / "a.png")[0].shape[0] == 30
 
 
@@ -239,22 +234,16 @@ def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path, capfd):
 
 
 def test_more_than_anyone_records_is_refused(tmp_path, capfd, monkeypatch):
-    monkeypatch.setattr("tex_lightning.data.traces.MAX_SAMPLES", 699)
+    monkeypatch.setattr("tex_lightning_runtime.traces.MAX_SAMPLES", 699)
     monkeypatch.setattr("tex_lightning_runtime.plain_text.MAX_TEXT", 99)
-    monkeypatch.setattr("tex_lightning.data.decode.MAX_SAMPLES", 1400)
+    monkeypatch.setattr("tex_lightning_runtime.resampling.MAX_SAMPLES", 1400)
     soundfile.write(tmp_path / "a.wav", AXES[0], 10_000)
     np.savetxt(tmp_path / "a.csv", AXES[0])
     np.save(tmp_path / "a.npy", AXES[0])
     one_sentence(tmp_path / "a.wav", SIGNAL, capfd)
     one_sentence(tmp_path / "a.csv", SIGNAL, capfd)
     one_sentence(tmp_path / "a.npy", SIGNAL, capfd)
-    monkeypatch.setattr("tex_lightning.data.traces.MAX_SAMPLES", 700)
+    monkeypatch.setattr("tex_lightning_runtime.traces.MAX_SAMPLES", 700)
     assert SIGNAL.decode(tmp_path / "a.npy", rate=5000)[0].shape == (1, 1400)
     with pytest.raises(UserError, match="would become 3500 samples at 10000 Hz; correct that rate"):
         SIGNAL.decode(tmp_path / "a.npy", rate=2000)
-
-
-@pytest.mark.parametrize(("source", "resampled"), [(35.606, False), (35.868, True), (71.2, True)])
-def test_samples_of_nearly_the_same_rate_stay_as_they_are(source, resampled):
-    trace = np.full((1, 200), 400.0, dtype=np.float32)  # with a level, which resampling bends
-    assert (to_rate(trace, source, 35.624, "it").tobytes() != trace.tobytes()) == resampled

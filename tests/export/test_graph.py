@@ -10,9 +10,9 @@ from torch import nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.vote import RULES
-from tex_lightning.data.decode import halve
 from tex_lightning.export.graph import PhotoGraph, fused_scores, traced_vote
 from tex_lightning.export.tracing import draws
+from tex_lightning_runtime.pixels import halve
 
 
 def test_scores_of_several_senses_are_those_of_the_classifier():

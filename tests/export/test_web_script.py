@@ -16,10 +16,11 @@ from scipy.signal import chirp, resample_poly
 
 from tex_lightning.classifier.classifier import content_seed
 from tex_lightning.classifier.vote import random_tuples
-from tex_lightning.data.decode import halve, rate_ratio
-from tex_lightning.data.quality import photo_quality, trace_measures, trace_quality
-from tex_lightning.data.traces import read_samples
 from tex_lightning.export import web_page
+from tex_lightning_runtime.pixels import halve
+from tex_lightning_runtime.quality import limits, photo_quality, trace_measures, trace_quality
+from tex_lightning_runtime.resampling import rate_ratio
+from tex_lightning_runtime.traces import read_samples
 
 SOURCES = Path(web_page.__file__).parent / "web"
 BUFFER = """const load = (path) => { const bytes = readFileSync(path);
@@ -213,7 +214,9 @@ def test_warnings_of_signals_are_those_of_the_package(node):
         traces=[trace.tolist() for trace in TRACES.values()], ranges=RANGES,
     )  # fmt: skip
     for trace, quality in zip(TRACES.values(), found, strict=True):
-        expected = trace_quality(trace, RANGES, "trace", trace_measures(trace, 4000.0, 10_000.0))
+        expected = trace_quality(
+            trace, limits(RANGES), "trace", trace_measures(trace, 4000.0, 10_000.0)
+        )
         assert quality == {"warnings": list(expected.warnings), "empty": expected.empty}
 
 
@@ -232,7 +235,7 @@ def test_photos_are_halved_and_judged_as_by_the_package(node, tmp_path, contrast
     expected = halve(photo)
     assert found["size"] == list(expected.shape[:2])
     np.testing.assert_array_equal(found["pixels"], expected.flatten())
-    quality = photo_quality(expected, ranges, "photo")
+    quality = photo_quality(expected, limits(ranges), "photo")
     assert found["quality"] == {"warnings": list(quality.warnings), "empty": quality.empty}
 
 

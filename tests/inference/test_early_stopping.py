@@ -13,11 +13,11 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.classifier.vote import RULES
 from tex_lightning.config import DecisionConfig
-from tex_lightning.data.quality import Quality
 from tex_lightning.errors import UserError
 from tex_lightning.inference.early_stopping import SequentialClassifier, decide
 from tex_lightning.inference.engine import Costs
 from tex_lightning.inference.prediction import describe
+from tex_lightning_runtime.quality import Quality
 
 NEVER = 1.0
 SENSES = {

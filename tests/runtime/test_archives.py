@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from tex_lightning.data.traces import read_samples
 from tex_lightning.errors import UserError
 from tex_lightning_runtime.archives import read_archive
+from tex_lightning_runtime.traces import read_samples
 
 SAMPLES = np.random.default_rng(0).standard_normal((300, 3))
 

@@ -50,7 +50,7 @@ def test_all_samples_are_read_and_that_is_said(tmp_path, samples, subtype, riff,
     assert (rate, len(notes)) == (10_000, 1)
     package = SignalDecoder().decode(stale)[0]
     np.testing.assert_array_equal(package, whole.T)
-    np.testing.assert_array_equal(read_trace(stale, SENSE, None)[0], package)
+    np.testing.assert_array_equal(read_trace(stale, SENSE, None).samples, package)
 
 
 @pytest.mark.parametrize(

@@ -20,8 +20,8 @@ from torch import Tensor
 from tex_lightning.baselines.base import Array, EstimatorBaseline, State
 from tex_lightning.core.devices import computing_threads
 from tex_lightning.core.groups import leave_out
-from tex_lightning.data.traces import MAX_SAMPLES
 from tex_lightning.errors import UserError
+from tex_lightning_runtime.samples import MAX_SAMPLES
 
 KERNEL = 9  # its samples, before dilation
 MIN_KERNELS = 84  # MiniRocket's fixed kernels, each used at least once

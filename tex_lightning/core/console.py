@@ -4,7 +4,6 @@ Standard output belongs to results. Libraries that read damaged files are silenc
 sentence of this package names such a file.
 """
 
-import ctypes
 import io
 import logging
 import os
@@ -12,7 +11,6 @@ import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -220,14 +218,3 @@ def suppress_warnings() -> Iterator[None]:
         for category in (UserWarning, RuntimeWarning):
             warnings.simplefilter("ignore", category)
         yield
-
-
-@cache
-def suppress_libtiff() -> None:
-    """Suppress the output of the libtiff that comes with Pillow; another one may print."""
-    from PIL import _imaging  # which is loaded only where photos are read
-
-    home = Path(_imaging.__file__).parents[1]
-    for folder in ("pillow.libs", "PIL/.dylibs"):
-        for library in (home / folder).glob("libtiff*"):
-            ctypes.CDLL(str(library)).TIFFSetErrorHandler(None)

@@ -13,29 +13,13 @@ from typing import Any
 
 from tex_lightning.errors import UserError, reason
 from tex_lightning.text import from_cell, to_cell
+from tex_lightning_runtime.files import is_file, require_file
 
 # A folder or disk that cannot be written; anything else is a fault of the program.
 UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM)
 LONGEST_LINE = 1 << 20  # bytes; what goes on without a line's end is no table
 MAX_FIELD = 1 << 30  # characters; votes for very many classes take more than csv's own limit
 LARGEST_JSON = 64 << 20  # bytes; in memory it is many times as large
-
-
-def require_file(path: Path) -> None:
-    """Reject a path that is missing, empty or no file."""
-    if not is_file(path):
-        if os.path.lexists(path):
-            raise UserError(
-                f"File {path} is a folder, a device, a pipe or a broken link; give a file."
-            )
-        raise UserError(f"File {path} does not exist; check the path.")
-    if path.stat().st_size == 0:
-        raise UserError(f"File {path} is empty; record or copy it again.")
-
-
-def is_file(path: Path) -> bool:
-    """Return whether there is a file; there is none of a name that is too long, or out of reach."""
-    return os.path.isfile(path)  # noqa: PTH113  (which raises no errors)
 
 
 def resolved(path: Path) -> Path:

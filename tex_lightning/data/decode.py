@@ -8,41 +8,27 @@ import logging
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
-import scipy  # whose parts are loaded when they are used
-from PIL import Image, UnidentifiedImageError
-from torch import Tensor
+from PIL import Image
 
 from tex_lightning.config.signatures import misfits
-from tex_lightning.core.console import suppress_libtiff, suppress_warnings, warn_once
-from tex_lightning.core.files import require_file
+from tex_lightning.core.console import warn_once
 from tex_lightning.data.kept import read_once
-from tex_lightning.data.traces import (
-    MAX_AXES,
-    MAX_SAMPLES,
-    TRACE_SUFFIXES,
-    axes_first,
-    choose_channels,
-    read_samples,
-)
-from tex_lightning.errors import UserError, reason
-from tex_lightning_runtime.columns import Channels, Reading
-from tex_lightning_runtime.photos import read_photo, to_rgb
+from tex_lightning.errors import UserError
+from tex_lightning_runtime.columns import Reading
+from tex_lightning_runtime.photos import IMAGE_SUFFIXES, read_photo
+from tex_lightning_runtime.pixels import halve, middle
+from tex_lightning_runtime.resampling import MAX_RATE, MIN_RATE, to_rate
+from tex_lightning_runtime.samples import MAX_AXES, Channels, check_samples
 from tex_lightning_runtime.times import UNITS
+from tex_lightning_runtime.traces import TRACE_SUFFIXES, read_samples
 
-IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
-IMAGE_FORMATS = ("JPEG", "PNG", "BMP", "TIFF", "WEBP")  # whatever a name says; EPS starts a program
-MAX_PIXELS, MAX_SIDE = 1 << 24, 1 << 12  # of a photo that is kept, after halving
-LARGEST = 1e9  # no unit of acceleration comes near; squares still fit float32
-SAME_RATE = 0.005  # by which clocks of the same rate may differ; such samples stay as they are
 RATE_TOLERANCE = 0.01  # by which a rate that is stated may differ from that of a column of time
 ASSUMED = "an assumption"
-MIN_RATE, MAX_RATE = 19.0, 210_000.0  # Hz: 20 Hz to 200 kHz, by clocks that are not exact
 RATES = f"[{MIN_RATE:g}, {MAX_RATE:g}]"
 log = logging.getLogger(__name__)
 Array = npt.NDArray[Any]
@@ -96,7 +82,7 @@ class SignalDecoder:
         """Read a trace and bring it to the configured rate.
 
         Args:
-            path: A file as :func:`.traces.read_samples` reads it.
+            path: A file as :func:`~tex_lightning_runtime.traces.read_samples` reads it.
             rate: Rate of this file in Hz if the manifest or the reader knows it.
 
         Returns:
@@ -166,17 +152,7 @@ class PhotoDecoder:
         Raises:
             UserError: If the file is missing, empty, truncated by more than a little, or no image.
         """
-        require_file(path)
-        suppress_libtiff()
-        try:
-            with suppress_warnings():
-                photo, notes = read_photo(path, IMAGE_FORMATS)
-        except UnidentifiedImageError as error:
-            raise UserError(f"Image {path} is in no known format; use JPEG or PNG.") from error
-        except Exception as error:  # damage shows in as many ways as there are formats
-            raise UserError(
-                f"Image {path} is damaged or too large ({reason(error)}); replace the file."
-            ) from error
+        photo, notes = read_photo(path)
         for note in notes:
             warn_once(log, f"Image {path}: {note} (said of the first such image).", note)
         return self.scale(photo, f"Image {path}"), None
@@ -196,11 +172,8 @@ class PhotoDecoder:
         if self.resize is not None:
             square = self.resize, self.resize
             return np.array(Image.fromarray(photo).resize(square, Image.Resampling.BILINEAR))
-        if self.half_scale:
-            if min(photo.shape[:2]) < 2:
-                raise UserError(f"{name} is too thin to be halved; set data.half_scale=false.")
-            photo = halve(photo)
-        return _middle(photo)
+        kept = middle(photo, 2 if self.half_scale else 1, name)
+        return halve(kept) if self.half_scale else kept
 
     def assuming(
         self, rate: float | None, channels: Channels = None, time_unit: str | None = None
@@ -269,147 +242,3 @@ def read_trace(path: Path, settings: SignalDecoder, rate: float | None = None) -
             "Hz by the manifest or reader; correct or remove one of them."
         )
     return SourceSignal(samples, source, reading)
-
-
-def to_rate(trace: npt.NDArray[np.floating], source: float, target: float, name: str) -> Trace:
-    """Resample (axes, samples) from the rate ``source`` to the rate ``target`` in Hz.
-
-    Raises:
-        UserError: If the rates are too far apart, beginning with ``name``.
-    """
-    ratio = rate_ratio(source, target, name)
-    if (count := trace.size * ratio) > MAX_SAMPLES:
-        raise UserError(
-            f"{name} has a sampling rate of {source:g} Hz, so that it would become "
-            f"{float(count):g} samples at {target:g} Hz; correct that rate, or divide the file."
-        )
-    if ratio != 1:
-        trace = scipy.signal.resample_poly(trace, ratio.numerator, ratio.denominator, axis=1)
-    return np.ascontiguousarray(trace, dtype=np.float32)
-
-
-def rate_ratio(source: float, target: float, name: str) -> Fraction:
-    """Return the ratio of the number of samples at ``target`` Hz to that at ``source`` Hz.
-
-    It is 1 for rates that differ by less than half a percent, as those that a sensor's clock gives
-    from one recording to the next.
-
-    Raises:
-        UserError: If ``source`` is no rate of a signal, beginning with ``name``.
-    """
-    if not MIN_RATE <= source <= MAX_RATE:
-        raise UserError(
-            f"{name} has a sampling rate of {source:g} Hz, too far from {target:g} Hz: rates are "
-            "20 Hz to 200 kHz; correct it (data.file_rate where it is assumed; a column of time "
-            "that is not in seconds is called time_ms, or has its data.time_unit)."
-        )
-    same = math.isclose(source, target, rel_tol=SAME_RATE)
-    return Fraction(1 if same else target / source).limit_denominator(10_000)
-
-
-def halve(photo: Photo) -> Photo:
-    """Half-scale an RGB photo: each pixel is the rounded mean of a 2x2 block."""
-    height, width = photo.shape[0] // 2 * 2, photo.shape[1] // 2 * 2
-    return np.array(Image.fromarray(photo[:height, :width]).reduce(2))
-
-
-def _middle(photo: Photo) -> Photo:
-    """Cut out the middle of a photo of more than MAX_PIXELS, which bounds memory and time."""
-    sizes = photo.shape[:2]
-    if sizes[0] * sizes[1] <= MAX_PIXELS:
-        return photo
-    kept = [min(size, MAX_PIXELS // min(MAX_SIDE, *sizes)) for size in sizes]
-    top, left = ((size - side) // 2 for size, side in zip(sizes, kept, strict=True))
-    return photo[top : top + kept[0], left : left + kept[1]].copy()
-
-
-def check_samples(trace: npt.NDArray[np.floating], name: str, place: int = 0) -> None:
-    """Reject a trace (axes, samples) with NaN, infinite or absurdly large values.
-
-    Args:
-        trace: The samples, from number ``place`` of a longer recording on.
-        name: Name of the samples in messages.
-        place: Number of samples before them.
-
-    Raises:
-        UserError: Beginning with ``name``.
-    """
-    usable = (np.abs(trace) < LARGEST).all(axis=0)  # false for NaN
-    if not usable.all():
-        raise UserError(
-            f"{name} holds NaN, infinity or a number beyond {LARGEST:g} at sample "
-            f"{place + usable.argmin()}; repair the recording."
-        )
-
-
-def as_trace(
-    samples: Any,  # noqa: ANN401  (what NumPy can read)
-    key: str = "haptic",
-    channels: Channels = None,
-    *,
-    is_chunk: bool = False,
-) -> npt.NDArray[np.floating]:
-    """Convert an array, tensor or list to samples (axes, samples), float64.
-
-    Args:
-        samples: (samples,), (axes, samples) or (samples, axes) with 1 to 64 axes, the longer
-            dimension being time; integers or floating-point numbers, in the unit of the training
-            recordings.
-        key: Name of the argument, for messages.
-        channels: Which of the axes are kept; None keeps all.
-        is_chunk: Whether they are a piece of a stream, (samples,) or (axes, samples) of any length.
-
-    Raises:
-        UserError: If it has another shape or type, is empty, or holds NaN or infinity.
-    """
-    array = _as_array(samples, key)
-    if array.dtype.kind not in "fiu":
-        raise UserError(f"{key} is an array of {array.dtype}; give numbers.")
-    trace = axes_first(array)
-    if trace is not None and is_chunk:
-        trace = array if array.ndim == 2 else array[None]
-    if trace is None or len(trace) > MAX_AXES:
-        raise UserError(
-            f"{key} has the shape {array.shape}; give (axes, samples) with 1 to {MAX_AXES} axes, "
-            "or (samples,), and at least one sample."
-        )
-    trace = choose_channels(trace.astype(np.float64), channels, key)
-    check_samples(trace, key)
-    return trace
-
-
-def as_photo(image: Any, settings: PhotoDecoder, colour: str, key: str = "image") -> Photo:  # noqa: ANN401
-    """Convert an array or tensor to pixels (height, width, 3) uint8 RGB, halved if configured.
-
-    Args:
-        image: (height, width, 3) or, of greys, (height, width); uint8. An image of Pillow may have
-            any mode.
-        settings: Settings of the checkpoint.
-        colour: ``rgb``, or ``bgr`` as OpenCV gives them.
-        key: Name of the argument, for messages.
-
-    Raises:
-        UserError: If it has another shape or type, or is empty.
-    """
-    array = to_rgb(image.copy())[0] if isinstance(image, Image.Image) else _as_array(image, key)
-    if array.ndim == 2:
-        array = np.repeat(array[..., None], 3, axis=2)
-    if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3 or not array.size:
-        raise UserError(
-            f"{key} is an array of {array.dtype} of the shape {array.shape}; give uint8 pixels "
-            "(height, width, 3), colours last, or (height, width) in grey."
-        )
-    if colour not in ("rgb", "bgr"):
-        raise UserError(f"colour is {colour!r}; choose rgb or bgr.")
-    pixels = array[..., ::-1] if colour == "bgr" else array
-    return settings.scale(np.array(pixels, order="C"), key)  # copied: some are read-only
-
-
-def _as_array(values: Any, key: str) -> npt.NDArray[Any]:  # noqa: ANN401
-    if isinstance(values, Tensor):
-        tensor = values.detach().cpu()
-        return (tensor.double() if tensor.is_floating_point() else tensor).numpy()  # no bfloat16
-    try:
-        return np.asarray(values)
-    except ValueError as error:  # lists of unequal lengths
-        raise UserError(f"{key} cannot be read as an array ({error}); give one.") from error

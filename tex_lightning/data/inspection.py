@@ -18,9 +18,9 @@ import scipy
 
 from tex_lightning.core.progress import track
 from tex_lightning.data.decode import RATE_TOLERANCE, PhotoDecoder, SignalDecoder
-from tex_lightning.data.quality import photo_quality, trace_quality
 from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.data.store import Store, fingerprint
+from tex_lightning_runtime.quality import photo_quality, trace_quality
 
 Array = npt.NDArray[Any]
 REACH = 64  # samples on each side that a landmark is the largest of

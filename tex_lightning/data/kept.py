@@ -6,7 +6,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any, TypeVar
 
-from tex_lightning.core.files import is_file
+from tex_lightning_runtime.files import is_file
 
 MAX_KEPT = 1 << 28  # bytes of samples; a file beyond them is read again
 

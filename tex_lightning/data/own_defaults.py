@@ -18,13 +18,14 @@ from tex_lightning.config.composition import Job
 from tex_lightning.config.instantiation import find_class
 from tex_lightning.config.overrides import key_of, parsed_overrides
 from tex_lightning.config.tasks import TRAINING
-from tex_lightning.data.decode import MIN_RATE, SignalDecoder, check_decoding, read_trace
+from tex_lightning.data.decode import SignalDecoder, check_decoding, read_trace
 from tex_lightning.data.folds import count_folds
 from tex_lightning.data.kept import keeping_traces
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recording
 from tex_lightning.errors import UserError
 from tex_lightning.networks.trunks.efficientnet_lite import EfficientNetLite0
+from tex_lightning_runtime.resampling import MIN_RATE
 
 log = logging.getLogger(__name__)
 OWN_DATA = ("folder", "manifest")

@@ -19,9 +19,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tex_lightning.core.files import check_lines, is_file, resolved
+from tex_lightning.core.files import check_lines, resolved
 from tex_lightning.errors import UserError, reason, shorten
 from tex_lightning.text import from_cell, to_cell
+from tex_lightning_runtime.files import is_file
 
 Part = tuple[float, float]
 WHOLE: Part = (0.0, 1.0)

@@ -25,14 +25,15 @@ from torch import Tensor
 
 from tex_lightning.core.console import suppress_warnings
 from tex_lightning.core.devices import in_threads
-from tex_lightning.core.files import require_file, resolved, write_atomically
+from tex_lightning.core.files import resolved, write_atomically
 from tex_lightning.data.decode import Decoded, Decoder
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.kept import forget_traces
 from tex_lightning.data.recordings import Recording, cut_part
-from tex_lightning.data.traces import axis_files, map_array
 from tex_lightning.errors import UserError, reason
 from tex_lightning_runtime.columns import Reading
+from tex_lightning_runtime.files import require_file
+from tex_lightning_runtime.traces import axis_files, map_array
 
 MAX_LINES = 20
 NAMED = 5  # files of one reason

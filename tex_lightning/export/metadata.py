@@ -11,12 +11,12 @@ from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.core.files import read_record
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
-from tex_lightning.data.quality import limits
 from tex_lightning.errors import listed
 from tex_lightning.export.tracing import AXES
 from tex_lightning.senses.base import Sense
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 from tex_lightning.text import printable, render
+from tex_lightning_runtime.quality import limits
 
 RESULTS = "results.json"
 TEMPLATE = Path(__file__).with_name("model_card.md.jinja")

@@ -15,8 +15,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.core.files import require_file, write_bytes
+from tex_lightning.core.files import write_bytes
 from tex_lightning.errors import UserError
+from tex_lightning_runtime.files import require_file
 
 RUNTIME = "onnxruntime"  # its folder in the page's
 CARD = "model.json"

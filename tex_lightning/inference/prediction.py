@@ -7,8 +7,8 @@ from typing import Any
 
 from tex_lightning.classifier.card import LABEL, Card, least_rate
 from tex_lightning.classifier.vote import Vote
-from tex_lightning.data.quality import Quality
 from tex_lightning.errors import UserError
+from tex_lightning_runtime.quality import Quality
 
 log = logging.getLogger(__name__)
 UNLIKE = 0.5  # of votes and probabilities that is spread where an input is unlike the training

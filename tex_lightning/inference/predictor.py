@@ -19,13 +19,13 @@ from tex_lightning.config.mistakes import MISTAKES, explain
 from tex_lightning.core.devices import pick_device, synchronise, use_tf32
 from tex_lightning.core.run_folder import find_checkpoint
 from tex_lightning.data.decode import SignalDecoder
-from tex_lightning.data.quality import Quality, together
 from tex_lightning.errors import UserError
 from tex_lightning.inference.early_stopping import make_inference_model
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.prediction import Prediction, check_unknown, describe
 from tex_lightning.inference.stream import LiveStream
 from tex_lightning.senses.base import Sense
+from tex_lightning_runtime.quality import Quality, together
 
 Input = str | Path | np.ndarray[Any, Any] | Tensor | list[Any] | None
 TASK = "predict"

@@ -17,11 +17,13 @@ from tex_lightning.classifier.classifier import SenseOutput, SurfaceClassifier
 from tex_lightning.classifier.vote import Vote
 from tex_lightning.config import StreamConfig
 from tex_lightning.core.devices import synchronise
-from tex_lightning.data.decode import Array, as_trace, rate_ratio
-from tex_lightning.data.quality import Quality, together
+from tex_lightning.data.decode import Array
 from tex_lightning.errors import UserError
 from tex_lightning.inference.prediction import Prediction, describe
 from tex_lightning.senses.signal import SignalSense
+from tex_lightning_runtime.quality import Quality, together
+from tex_lightning_runtime.resampling import rate_ratio
+from tex_lightning_runtime.samples import as_trace
 
 MIN_SECONDS = 0.3  # of a window that votes
 

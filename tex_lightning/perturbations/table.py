@@ -19,10 +19,10 @@ from tex_lightning.core.contract import (
     fault_of,
     resolve,
 )
-from tex_lightning.core.files import require_file
 from tex_lightning.errors import UserError, reason
 from tex_lightning.perturbations import pixels, traces
 from tex_lightning.perturbations.pixels import Array, Scene
+from tex_lightning_runtime.files import require_file
 
 SEVERITIES = (1, 2, 3, 4, 5)
 LARGEST = 1e30  # of a level; recordings are float32

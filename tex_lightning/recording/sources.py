@@ -18,9 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from tex_lightning.config.data import SourceConfig
-from tex_lightning.data.decode import SignalDecoder, check_samples, read_trace
-from tex_lightning.data.traces import TRACE_SUFFIXES
+from tex_lightning.data.decode import SignalDecoder, read_trace
 from tex_lightning.errors import UserError, reason, shorten
+from tex_lightning_runtime.samples import check_samples
+from tex_lightning_runtime.traces import TRACE_SUFFIXES
 
 Chunk = npt.NDArray[np.float32]  # (axes, samples)
 SAMPLE = np.dtype("<f4")

@@ -15,7 +15,6 @@ from tex_lightning.core.contract import breach, calling, describe
 from tex_lightning.core.devices import full_precision
 from tex_lightning.data.banks import Bank
 from tex_lightning.data.decode import Array, Decoder, check_decoding
-from tex_lightning.data.quality import Quality, Ranges
 from tex_lightning.data.recordings import Recording, name_one
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError, reason, shorten
@@ -28,6 +27,7 @@ from tex_lightning.networks.geometry import (
     in_tiles,
 )
 from tex_lightning.networks.linear import LinearNet
+from tex_lightning_runtime.quality import Quality, Ranges
 
 Change = Callable[[Tensor], Tensor]
 

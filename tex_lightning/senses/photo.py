@@ -10,8 +10,7 @@ from torch import Tensor
 
 from tex_lightning.core.contract import breach, calling, describe
 from tex_lightning.data.banks import PhotoBank
-from tex_lightning.data.decode import Array, PhotoDecoder, as_photo
-from tex_lightning.data.quality import Quality, Ranges, photo_quality
+from tex_lightning.data.decode import Array, PhotoDecoder
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
@@ -19,6 +18,8 @@ from tex_lightning.networks.blocks import Level, is_builtin
 from tex_lightning.perturbations.table import Augmentation
 from tex_lightning.senses.base import Change, Sense
 from tex_lightning.senses.features.image import ImageFeatures, crop_side, rotated_photos
+from tex_lightning_runtime.pixels import as_pixels
+from tex_lightning_runtime.quality import Quality, Ranges, limits, photo_quality
 
 EXAMPLE_SIDE = 64  # pixels
 
@@ -127,8 +128,9 @@ class PhotoSense(Sense):
         if isinstance(recording, str | Path):
             photo = self.decoder.decode(Path(recording).expanduser())[0]
         else:
-            photo = as_photo(recording, self.decoder, colour, self.modality)
-        return torch.from_numpy(photo), photo_quality(photo, ranges, self.what)
+            pixels = as_pixels(recording, self.modality, colour)
+            photo = self.decoder.scale(pixels, self.modality)
+        return torch.from_numpy(photo), photo_quality(photo, limits(ranges), self.what)
 
 
 def augment(key: str, augmentation: Callable[[Tensor], Any], patches: Tensor) -> Tensor:

@@ -14,15 +14,16 @@ from torch import Tensor
 from tex_lightning.core.console import log_once
 from tex_lightning.core.progress import track
 from tex_lightning.data.banks import Bank, Indices, InputBank
-from tex_lightning.data.decode import Array, SignalDecoder, as_trace, read_trace, to_rate
-from tex_lightning.data.quality import Quality, Ranges, trace_measures, trace_quality
+from tex_lightning.data.decode import Array, SignalDecoder, read_trace
 from tex_lightning.data.recordings import Recording, plural
 from tex_lightning.data.store import Store, load_recording
 from tex_lightning.errors import UserError
 from tex_lightning.perturbations.table import Augmentation
 from tex_lightning.senses.base import Change, Sense, as_tensor
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
-from tex_lightning_runtime.columns import Channels
+from tex_lightning_runtime.quality import Quality, Ranges, limits, trace_measures, trace_quality
+from tex_lightning_runtime.resampling import to_rate
+from tex_lightning_runtime.samples import Channels, as_trace
 
 log = logging.getLogger(__name__)
 EXAMPLE_SECONDS = 4
@@ -193,8 +194,8 @@ class SignalSense(Sense):
         """
         target = self.decoder.sampling_rate
         trace = to_rate(raw, rate, target, name)
-        measures = trace_measures(trace, rate, target)
-        return torch.from_numpy(trace), trace_quality(raw, ranges, self.what, measures)
+        usual, measures = limits(ranges), trace_measures(trace, rate, target)
+        return torch.from_numpy(trace), trace_quality(raw, usual, self.what, measures)
 
 
 def fit_closed_form(network: Any, bank: Bank, labels: Indices, groups: Sequence[str]) -> None:  # noqa: ANN401

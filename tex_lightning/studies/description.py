@@ -17,7 +17,6 @@ from tex_lightning.core.files import write_text
 from tex_lightning.data.decode import ASSUMED, SignalDecoder
 from tex_lightning.data.folds import split, tested_part
 from tex_lightning.data.inspection import copies
-from tex_lightning.data.quality import MEASURES
 from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.store import Store, skipped_entry
 from tex_lightning.report.data_page import (
@@ -31,6 +30,7 @@ from tex_lightning.report.data_page import (
 from tex_lightning.studies.dataset import Dataset
 from tex_lightning.text import printable_lines
 from tex_lightning_runtime.columns import Reading
+from tex_lightning_runtime.quality import MEASURES
 
 MAX_KINDS, MAX_NOTES = 5, 5  # ways of reading, and notes of files, that the opening lists
 MAX_EXAMPLES = 24  # classes of which an example is drawn

@@ -20,8 +20,8 @@ from tex_lightning.data.recordings import (
     write_part,
 )
 from tex_lightning.data.store import fingerprint
-from tex_lightning.data.traces import axis_files
 from tex_lightning.errors import UserError
+from tex_lightning_runtime.traces import axis_files
 
 FOLD_KEYS = ("folds", "test_fold", "inverted", "val_fold")
 WHERE, PER_CLASS = "test_where", "per_class"

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig, ProfileConfig
-from tex_lightning.data.decode import Array, SignalDecoder, to_rate
+from tex_lightning.data.decode import Array, SignalDecoder
 from tex_lightning.inference.engine import accelerate, count_macs
 from tex_lightning.networks.blocks import Head, independent_copy
 from tex_lightning.senses.base import Sense
@@ -23,6 +23,7 @@ from tex_lightning.synthetic import make_materials
 from tex_lightning.synthetic.camera import render_photo
 from tex_lightning.synthetic.specimen import Specimen
 from tex_lightning.synthetic.tool import slide_tool
+from tex_lightning_runtime.resampling import to_rate
 
 BATCH = 32  # windows that go through a network at once
 SLICES = 100  # a quick function gets this fraction of the budget in each round

@@ -10,12 +10,12 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import print_line
-from tex_lightning.core.files import is_file
 from tex_lightning.data.readers.folder import suffixes_of
 from tex_lightning.data.recordings import natural_key, plural
-from tex_lightning.data.traces import stands_for_all
 from tex_lightning.errors import UserError
 from tex_lightning.inference.predictor import Predictor
+from tex_lightning_runtime.files import is_file
+from tex_lightning_runtime.traces import stands_for_all
 
 
 def run(config: Config, job: Job) -> None:

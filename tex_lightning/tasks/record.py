@@ -19,11 +19,11 @@ from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import console, print_line, say
 from tex_lightning.core.progress import track
-from tex_lightning.data.quality import photo_quality, trace_quality
 from tex_lightning.data.recordings import name_one, one_name
 from tex_lightning.errors import UserError
 from tex_lightning.recording.class_folder import ClassFolder, Pixels, open_camera
 from tex_lightning.recording.sources import Chunk, Source, open_source
+from tex_lightning_runtime.quality import photo_quality, trace_quality
 
 
 def run(config: Config, job: Job) -> None:

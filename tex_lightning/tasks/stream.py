@@ -13,11 +13,12 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import log_once, print_line
-from tex_lightning.data.decode import check_samples, read_trace
+from tex_lightning.data.decode import read_trace
 from tex_lightning.errors import UserError
 from tex_lightning.inference.prediction import Prediction
 from tex_lightning.inference.predictor import Predictor
 from tex_lightning.senses.signal import SignalSense
+from tex_lightning_runtime.samples import check_samples
 
 SAMPLE = np.dtype("<f4")  # of standard input
 KEYS = (

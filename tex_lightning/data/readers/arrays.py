@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from tex_lightning.data.decode import IMAGE_SUFFIXES, as_trace
 from tex_lightning.data.recordings import Recording, Recordings, write_manifest
 from tex_lightning.errors import UserError, listed
+from tex_lightning_runtime.photos import IMAGE_SUFFIXES
+from tex_lightning_runtime.samples import as_trace
 
 Given = Any  # a path, or samples or pixels that NumPy can read
 Sample = Mapping[str, Given]  # by modality; None is absent

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
-from tex_lightning.data.decode import IMAGE_SUFFIXES
 from tex_lightning.data.recordings import (
     MODALITIES,
     Recording,
@@ -20,8 +19,9 @@ from tex_lightning.data.recordings import (
     natural_key,
     read_manifest,
 )
-from tex_lightning.data.traces import TRACE_SUFFIXES, axis_files, stands_for_all
 from tex_lightning.errors import UserError
+from tex_lightning_runtime.photos import IMAGE_SUFFIXES
+from tex_lightning_runtime.traces import TRACE_SUFFIXES, axis_files, stands_for_all
 
 SYSTEMS = ("Thumbs.db", "desktop.ini")  # files that are nobody's
 MAX_KINDS = 6

@@ -4,7 +4,6 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from tex_lightning.data.decode import IMAGE_SUFFIXES
 from tex_lightning.data.recordings import (
     FOLD,
     KNOWN,
@@ -14,8 +13,9 @@ from tex_lightning.data.recordings import (
     Recordings,
     natural_key,
 )
-from tex_lightning.data.traces import TRACE_SUFFIXES, stands_for_all
 from tex_lightning.errors import UserError, shorten
+from tex_lightning_runtime.photos import IMAGE_SUFFIXES
+from tex_lightning_runtime.traces import TRACE_SUFFIXES, stands_for_all
 
 FIELD = re.compile(r"\{([^{}]*)\}|(\*)")
 LABEL, GROUP, MODALITY = "label", "group", "modality"

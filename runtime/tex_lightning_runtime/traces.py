@@ -2,34 +2,35 @@
 
 A signal has 1 to 64 axes; whatever the file, the longer dimension of its samples is time.
 
-Sounds and NumPy arrays are read by their libraries, text as :mod:`tex_lightning_runtime.tables`
-reads it, which is the reader of exported networks, too.
+Sounds and NumPy arrays are read by their libraries, text by :mod:`.tables`.
 """
 
 import re
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from threading import Lock
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
-import soundfile
 
-from tex_lightning.core.console import suppress_warnings
-from tex_lightning.core.files import is_file, require_file
-from tex_lightning.errors import UserError, reason
 from tex_lightning_runtime.archives import ARCHIVES, read_archive
-from tex_lightning_runtime.columns import Channels, Reading
-from tex_lightning_runtime.sounds import read_sound
+from tex_lightning_runtime.columns import Reading
+from tex_lightning_runtime.errors import UserError, reason
+from tex_lightning_runtime.files import is_file, require_file
+from tex_lightning_runtime.samples import (
+    MAX_AXES,
+    MAX_SAMPLES,
+    Array,
+    Channels,
+    axes_first,
+    choose_channels,
+)
 from tex_lightning_runtime.tables import SUFFIXES, read_table
 from tex_lightning_runtime.times import TableError
 
-Array = npt.NDArray[np.floating]
-MAX_AXES = 64
-MAX_SAMPLES = 1 << 29  # of a file, 2 GiB of float32: 14 h of one axis at 10 kHz
-DAMAGE = (soundfile.SoundFileError, ValueError, EOFError, OSError, LookupError, MemoryError)
+DAMAGE = (ValueError, EOFError, OSError, LookupError, MemoryError)
 _HEADERS = Lock()  # Python 3.11 parses one in two threads at once with a SystemError
 # Samples in any order, their rate in Hz if the file states it, and what is to be said of it.
 Raw = tuple[Array, float | None, tuple[str, ...]]
@@ -96,44 +97,6 @@ def stands_for_all(path: Path) -> bool:
     return path == next(filter(is_file, axis_files(path)), path)
 
 
-def axes_first(samples: Array) -> Array | None:
-    """Transpose (samples,), (axes, samples) or (samples, axes) to (axes, samples), 1 to 64 axes.
-
-    Returns:
-        None if the samples have another shape or there are none.
-    """
-    trace = samples[None] if samples.ndim == 1 else samples
-    if trace.ndim != 2 or not trace.size or min(trace.shape) > MAX_AXES:
-        return None
-    return trace if trace.shape[0] <= trace.shape[1] else trace.T
-
-
-def choose_channels(trace: Array, channels: Channels, name: str) -> Array:
-    """Select the numbered axes of samples (axes, samples), counted from 0; None keeps all.
-
-    Samples without names are those of the names that are asked for if there are as many.
-
-    Raises:
-        UserError: If there are not so many, beginning with ``name``.
-    """
-    if channels is None:
-        return trace
-    numbers = [each for each in channels if isinstance(each, int)]
-    if len(numbers) < len(channels):
-        if len(channels) != len(trace):
-            raise UserError(
-                f"{name} has {len(trace)} channels without names, and data.channels names "
-                f"{', '.join(map(str, channels))}; give just these, or numbers, from 0."
-            )
-        return trace
-    if (last := max(numbers)) >= len(trace):
-        raise UserError(
-            f"{name} has {len(trace)} channels, and data.channels names {last}, counted from 0; "
-            "choose others."
-        )
-    return trace[numbers]
-
-
 def _read_file(path: Path, channels: Channels, time_unit: str | None) -> Signal:
     require_file(path)
     suffix = path.suffix.lower()
@@ -141,7 +104,8 @@ def _read_file(path: Path, channels: Channels, time_unit: str | None) -> Signal:
         if suffix in SUFFIXES:
             table, rate, reading = read_table(path, channels, time_unit)
         elif suffix in READERS:
-            table, rate, notes = READERS[suffix](path)
+            with warnings.catch_warnings(action="ignore"):
+                table, rate, notes = READERS[suffix](path)
             reading = Reading(rate_from="the header of the file" if rate else "", notes=notes)
         else:
             raise UserError(f"Trace {path} has an unknown type; use {', '.join(TRACE_SUFFIXES)}.")
@@ -162,26 +126,22 @@ def _read_file(path: Path, channels: Channels, time_unit: str | None) -> Signal:
 
 
 def _read_sound(path: Path) -> Raw:
+    from tex_lightning_runtime.sounds import read_sound  # where it is needed: it loads a library
+
     samples, rate, notes = read_sound(path, MAX_SAMPLES)
     return samples, rate, tuple(notes)
 
 
-def _check_count(count: int) -> None:
-    if count > MAX_SAMPLES:
-        raise ValueError(f"it claims {count:,} samples, and {MAX_SAMPLES:,} are the most")
-
-
-def map_array(path: Path) -> npt.NDArray[Any]:
+def map_array(path: Path) -> Array:
     """Map an array as ``numpy.save`` writes it, without pickles; threads do it one at a time."""
     with _HEADERS:
-        array: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+        array: Array = np.load(path, mmap_mode="r", allow_pickle=False)
     return array
 
 
 def _read_array(path: Path) -> Raw:
     try:
-        with suppress_warnings():  # a map takes no memory for what a header claims
-            array = map_array(path)
+        array = map_array(path)  # which takes no memory for what a header claims
     except OSError:
         raise
     except Exception as error:  # of any kind; the words of some propose to load it unsafely
@@ -190,13 +150,13 @@ def _read_array(path: Path) -> Raw:
         raise ValueError("it is an .npz archive; call it .npz")
     if array.dtype.kind not in "fiu":
         raise ValueError(f"it holds {array.dtype} instead of numbers")
-    _check_count(array.size)
+    if array.size > MAX_SAMPLES:
+        raise ValueError(f"it claims {array.size:,} samples, and {MAX_SAMPLES:,} are the most")
     return np.array(array, np.float64), None, ()
 
 
 def _read_archive(path: Path) -> Raw:
-    with suppress_warnings():
-        array, rate = read_archive(path, MAX_SAMPLES)
+    array, rate = read_archive(path, MAX_SAMPLES)
     return np.array(array, np.float64), rate, ()
 
 

@@ -1,0 +1,138 @@
+"""Faults of recordings that can be read: nothing measured, clipped, unlike the training.
+
+A sensor that is off and an input in another unit are classified like any other, and often with
+certainty. So a network comes with the ranges of its training recordings, and every prediction says
+what its input lacks.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain
+from typing import NamedTuple
+
+import numpy as np
+
+from tex_lightning_runtime.samples import Array
+
+Ranges = Mapping[str, list[float]]  # smallest and largest value in training, by measure
+# by measure the smallest and largest usual value, and what is said of others
+Limits = Mapping[str, tuple[float, float, str]]
+
+# of each measure how many times beyond that range is usual, and what to do about others
+MEASURES = {
+    "level": (3.0, "check the sensor, its unit and gain"),
+    "rate": (1.5, "check the rate that was given, or record as for the training"),
+    "brightness": (3.0, "check lens and light"),
+    "contrast": (3.0, "check lens and light"),
+}
+FLAT_SHARE = 0.01  # of the samples, from which on a trace counts as clipped
+MIN_FLAT = 10  # samples; a few at the extremes of a slow trace are none
+FINE_VALUES = 32  # a coarsely digitised trace often stays at its extremes without being clipped
+UNIFORM = 0.5  # standard deviation in grey levels of 255, below which a photo shows nothing
+PHOTO_SIDE = 256  # pixels of a photo that are looked at, along each side
+
+
+class Quality(NamedTuple):
+    """Faults of an input, a sentence each, and whether nothing at all was measured."""
+
+    warnings: tuple[str, ...] = ()
+    empty: bool = False
+
+
+def level(samples: Array) -> float:
+    """Return the root mean square of all axes (axes, samples) together, each without its mean."""
+    return float(np.sqrt(samples.var(axis=1, dtype=np.float64).sum()))
+
+
+def trace_quality(
+    samples: Array, usual: Limits, what: str, measures: Mapping[str, float]
+) -> Quality:
+    """Return the faults of a signal.
+
+    Args:
+        samples: (axes, samples) as they came: resampling would blur what is constant or clipped.
+        usual: Usual values (:func:`limits`); what they lack is not compared.
+        what: Name of the signal in messages.
+        measures: ``level`` and ``rate`` (:func:`trace_measures`) that are compared with them.
+    """
+    low, high = samples.min(axis=1), samples.max(axis=1)
+    constant = low == high
+    if constant.all():
+        how = "constant" if high.any() else "silent"
+        warning = f"The {what} is {how}, so nothing was measured; check the sensor."
+        return Quality((warning,), empty=True)
+    warnings = [
+        f"Axis {axis + 1} of the {what} is constant; check the sensor."
+        for axis in np.flatnonzero(constant)
+    ]
+    flat = max(_count_flat(samples[axis]) for axis in np.flatnonzero(~constant))
+    clipped = flat / samples.shape[1]
+    if clipped >= FLAT_SHARE:
+        warnings.append(
+            f"The {what} is clipped, {clipped:.0%} of it at its largest or smallest value; lower "
+            "the sensor's gain."
+        )
+    return Quality((*warnings, *_unlike(usual, what, measures)))
+
+
+def _count_flat(axis: Array) -> int:
+    """Count repetitions of the extremes of (samples,); 0 for few, or for a coarse digitisation."""
+    extreme = (axis == axis.min()) | (axis == axis.max())
+    flat = int((extreme[1:] & (axis[1:] == axis[:-1])).sum())
+    if flat < MIN_FLAT or len(np.unique(axis)) < FINE_VALUES:  # sorting is slow, so it comes last
+        return 0
+    return flat
+
+
+def trace_measures(trace: Array, rate: float, sampling_rate: float) -> dict[str, float]:
+    """Measure a signal.
+
+    Args:
+        trace: (axes, samples), decoded.
+        rate: Rate of the recording in Hz.
+        sampling_rate: Rate in Hz to which it was resampled: a higher rate adds nothing.
+    """
+    return {"level": level(trace), "rate": min(rate, sampling_rate)}
+
+
+def photo_quality(photo: Array, usual: Limits, what: str) -> Quality:
+    """Return the faults of a decoded photo (height, width, 3) that is called ``what``.
+
+    What the :func:`limits` in ``usual`` lack is not compared.
+    """
+    measures = photo_measures(photo)
+    if measures["contrast"] < UNIFORM:
+        return Quality((f"The {what} is uniform, so it shows nothing; check the camera.",), True)
+    return Quality(tuple(_unlike(usual, what, measures)))
+
+
+def together(qualities: Iterable[Quality]) -> Quality:
+    """Join the faults of all inputs of one sample."""
+    inputs = list(qualities)
+    warnings = tuple(chain.from_iterable(quality.warnings for quality in inputs))
+    return Quality(warnings, all(quality.empty for quality in inputs))
+
+
+def photo_measures(photo: Array) -> dict[str, float]:
+    """Return mean and standard deviation of the grey levels, 0 to 255, of some of the pixels."""
+    step = max(1, min(photo.shape[:2]) // PHOTO_SIDE)
+    red, green, blue = np.moveaxis(photo[::step, ::step], 2, 0)
+    grey = red.astype(np.uint16) + green + blue  # a mean over the last axis takes six times as long
+    return {"brightness": float(grey.mean()) / 3, "contrast": float(grey.std()) / 3}
+
+
+def limits(ranges: Ranges) -> Limits:
+    """Return the smallest and largest usual value of each measure, and the warning for others."""
+    usual = {}
+    for name, (low, high) in ranges.items():
+        factor, remedy = MEASURES[name]
+        advice = f"and the training had {low:.5g} to {high:.5g}; {remedy}."
+        usual[name] = (low / factor, high * factor, advice)
+    return usual
+
+
+def _unlike(usual: Limits, what: str, measures: Mapping[str, float]) -> Iterator[str]:
+    """Return a warning for each measure that is far from the usual."""
+    for name, value in measures.items():
+        low, high, advice = usual.get(name, (0.0, np.inf, ""))
+        if not low <= value <= high:
+            yield f"The {what} has a {name} of {value:.5g} {advice}"

@@ -1,0 +1,133 @@
+"""Signals at another rate, by a low-pass filter in polyphase form."""
+
+import math
+from fractions import Fraction
+from functools import lru_cache
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from tex_lightning_runtime.errors import UserError
+from tex_lightning_runtime.samples import MAX_SAMPLES, Array
+
+MIN_RATE, MAX_RATE = 19.0, 210_000.0  # Hz: 20 Hz to 200 kHz, by clocks that are not exact
+SAME_RATE = 0.005  # by which clocks of the same rate may differ; such samples stay as they are
+REACH, BETA = 10, 5.0  # of SciPy's filter: samples of the lower rate on each side; Kaiser's window
+BESSEL = (  # Chebyshev coefficients of exp(-x) I0(x) in [0, 8], as in Cephes
+    -4.4153416464793395e-18, 3.3307945188222384e-17, -2.431279846547955e-16, 1.715391285555133e-15,
+    -1.1685332877993451e-14, 7.676185498604936e-14, -4.856446783111929e-13, 2.95505266312964e-12,
+    -1.726826291441556e-11, 9.675809035373237e-11, -5.189795601635263e-10, 2.6598237246823866e-09,
+    -1.300025009986248e-08, 6.046995022541919e-08, -2.670793853940612e-07, 1.1173875391201037e-06,
+    -4.4167383584587505e-06, 1.6448448070728896e-05, -5.754195010082104e-05, 0.00018850288509584165,
+    -0.0005763755745385824, 0.0016394756169413357, -0.004324309995050576, 0.010546460394594998,
+    -0.02373741480589947, 0.04930528423967071, -0.09490109704804764, 0.17162090152220877,
+    -0.3046826723431984, 0.6767952744094761,
+)  # fmt: skip
+KEYS = (  # what a rate that is none can be mended by, on the command line of tex_lightning
+    "data.file_rate where it is assumed; a column of time that is not in seconds is called "
+    "time_ms, or has its data.time_unit"
+)
+
+
+def to_rate(trace: Array, source: float, target: float, name: str, remedy: str = KEYS) -> Array:
+    """Resample (axes, samples) from the rate ``source`` to the rate ``target`` in Hz.
+
+    Returns:
+        float32 array of shape (axes, samples), equal to SciPy's to the last bit.
+
+    Raises:
+        UserError: If the rates are too far apart, beginning with ``name``; see :func:`rate_ratio`.
+    """
+    ratio = rate_ratio(source, target, name, remedy)
+    if (count := trace.size * ratio) > MAX_SAMPLES:
+        raise UserError(
+            f"{name} has a sampling rate of {source:g} Hz, so that it would become "
+            f"{float(count):g} samples at {target:g} Hz; correct that rate, or divide the file."
+        )
+    if ratio != 1:
+        trace = resample_poly(trace, *ratio.as_integer_ratio())
+    return np.ascontiguousarray(trace, dtype=np.float32)
+
+
+def rate_ratio(source: float, target: float, name: str, remedy: str = KEYS) -> Fraction:
+    """Return the ratio of the number of samples at ``target`` Hz to that at ``source`` Hz.
+
+    It is 1 for rates that differ by less than half a percent, as those that a sensor's clock gives
+    from one recording to the next.
+
+    Args:
+        source: Rate of a signal.
+        target: Rate that it is brought to.
+        name: Name of the signal, which messages begin with.
+        remedy: What to correct a wrong rate by, for messages.
+
+    Raises:
+        UserError: If ``source`` is no rate of a signal.
+    """
+    if not MIN_RATE <= source <= MAX_RATE:
+        raise UserError(
+            f"{name} has a sampling rate of {source:g} Hz, too far from {target:g} Hz: rates are "
+            f"20 Hz to 200 kHz; correct it ({remedy})."
+        )
+    same = math.isclose(source, target, rel_tol=SAME_RATE)
+    return Fraction(1 if same else target / source).limit_denominator(10_000)
+
+
+def resample_poly(x: Array, up: int, down: int) -> Array:
+    """Resample (axes, samples) by the factor ``up / down``, in lowest terms and not 1.
+
+    Args:
+        x: float32 or float64, and so is what is returned.
+        up: Factor by which samples become more.
+        down: Factor by which they then become fewer.
+
+    Returns:
+        What SciPy's function of this name returns, to the last bit.
+    """
+    dtype, half = x.dtype.type, REACH * max(up, down)
+    low_pass = _low_pass(max(up, down)).astype(dtype) * dtype(up)
+    taps = np.pad(low_pass, (0, -len(low_pass) % up)).reshape(-1, up).T
+    # sample `up * row + p` is a sum over samples up to `down * row + newest[p]`
+    newest, phases = np.divmod(np.arange(up) * down + half, up)
+    count, lead = -(-x.shape[1] * up // down), taps.shape[1] - 1
+    rows = -(-count // up)
+    length = (rows + (newest[-1] + lead) // down + 1) * down
+    columns = _padded(x, lead, length).reshape(len(x), -1, down).swapaxes(1, 2).copy()
+    every, found = sliding_window_view(columns, rows, axis=2), np.zeros((len(x), up, rows), dtype)
+    for age in range(lead, -1, -1):  # SciPy's order, so that every sum is rounded as there
+        late, residue = np.divmod(newest + lead - age, down)
+        product = every[:, residue, late]  # a copy
+        product *= taps[phases, age, None]
+        found += product
+    return found.swapaxes(1, 2).reshape(len(x), -1)[:, :count]
+
+
+def _padded(x: Array, lead: int, length: int) -> Array:
+    """Return ``length`` samples, of which the first ``lead`` and the last ones are 0."""
+    padded = np.zeros((len(x), length), x.dtype)
+    kept = min(x.shape[1], length - lead)
+    padded[:, lead : lead + kept] = x[:, :kept]
+    return padded
+
+
+@lru_cache(maxsize=8)
+def _low_pass(factor: int) -> Array:
+    """Return the filter whose cutoff is 1 / ``factor`` of half the rate, float64."""
+    half, cutoff = REACH * factor, 1 / factor
+    place = np.arange(-half, half + 1.0)
+    edge = np.array([BETA])
+    window = _bessel(BETA * np.sqrt(1 - (place / half) ** 2.0)) / _bessel(edge)
+    sinc = cutoff * np.sinc(cutoff * place) * window
+    return np.asarray(sinc / sinc.sum())
+
+
+def _bessel(x: Array) -> Array:
+    """Return the modified Bessel function of order 0 for values in [0, 8].
+
+    The exponential is the C library's, as SciPy's; NumPy's own may differ in the last bit.
+    """
+    newest, older, oldest = np.full_like(x, BESSEL[0]), np.zeros_like(x), np.zeros_like(x)
+    for coefficient in BESSEL[1:]:
+        oldest, older = older, newest
+        newest = (x / 2 - 2) * older - oldest + coefficient
+    return np.array([math.exp(each) for each in x]) * (0.5 * (newest - oldest))

@@ -1,0 +1,53 @@
+"""Signals come to another rate as by SciPy, to the last bit, without it."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy import signal
+
+from tex_lightning_runtime.errors import UserError
+from tex_lightning_runtime.resampling import rate_ratio, resample_poly, to_rate
+
+RATES = st.sampled_from([1_000, 2_200, 8_000, 9_973.1, 10_000, 20_000, 44_100, 48_000])
+
+
+def noise(axes, count, dtype):
+    return np.random.default_rng(count).standard_normal((axes, count)).astype(dtype)
+
+
+@given(RATES, RATES, st.integers(1, 900), st.sampled_from(["f4", "f8"]), st.sampled_from([1, 3]))
+def test_resamples_as_scipy_does(source, target, count, dtype, axes):
+    up, down = rate_ratio(source, target, "it").as_integer_ratio()
+    assume(up != down)
+    x = noise(axes, count, dtype)
+    expected = signal.resample_poly(x, up, down, axis=1)
+    found = resample_poly(x, up, down)
+    assert found.dtype == expected.dtype
+    np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("source", [1_000.0, 9_000.0, 44_100.0, 48_000.0])
+@pytest.mark.parametrize("dtype", ["f4", "f8"])
+def test_a_long_signal_has_the_bits_that_scipy_gives(source, dtype):
+    x = noise(3, 90_000, dtype)
+    up, down = rate_ratio(source, 10_000, "it").as_integer_ratio()
+    expected = signal.resample_poly(x, up, down, axis=1).astype(np.float32)
+    np.testing.assert_array_equal(to_rate(x, source, 10_000, "it"), expected)
+
+
+@pytest.mark.parametrize(("source", "resampled"), [(35.606, False), (35.868, True), (71.2, True)])
+def test_samples_of_nearly_the_same_rate_stay_as_they_are(source, resampled):
+    trace = np.full((1, 200), 400.0, dtype=np.float32)  # with a level, which resampling bends
+    assert (to_rate(trace, source, 35.624, "it").tobytes() != trace.tobytes()) == resampled
+
+
+def test_rates_of_no_signal_and_too_many_samples_are_refused(monkeypatch):
+    for rate in (0.0, -1.0, 18.9, 2.2e5, np.nan):
+        with pytest.raises(UserError, match=r"^It has a sampling rate of .* \(data.file_rate whe"):
+            to_rate(noise(1, 9, "f4"), rate, 10_000, "It")
+    with pytest.raises(UserError, match=r"rates are 20 Hz to 200 kHz; correct it \(somehow\)\.$"):
+        rate_ratio(5, 10_000, "It", "somehow")
+    monkeypatch.setattr("tex_lightning_runtime.resampling.MAX_SAMPLES", 7_999)
+    with pytest.raises(UserError, match="would become 8000 samples at 10000 Hz; correct that rate"):
+        to_rate(noise(1, 2_000, "f4"), 2_500, 10_000, "It")
