@@ -1,5 +1,6 @@
 """What the documentation says on extending the package runs as it stands there."""
 
+import importlib
 import json
 import re
 import shlex
@@ -8,10 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from conftest import make_photo
 from PIL import Image
 
 from tex_lightning.config.search import use_config_dir
+from tex_lightning.testing import check_part
 
 PAGE = Path(__file__).parents[2] / "docs" / "extend.md"
 MODULE = "my_ext"
@@ -36,7 +39,11 @@ def test_the_parts_of_the_page_run_from_an_empty_folder(cli, empty):
         path = empty / re.search(r"^# (\S+\.\w+)$", text, re.MULTILINE)[1]
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
-    assert len(files) == 9
+    assert len(files) == 10
+    parts = importlib.import_module(MODULE)
+    assert check_part(parts.Levels(samples=10), rate=1000) == "features"
+    assert check_part(parts.ForceNet(3, 8), example=torch.randn(2, 2, 64)) == "network"
+    assert check_part(parts.SmallTrunk) == "trunk"
     (empty / "DIR").mkdir()
     for kind, label in enumerate(("wood", "felt")):
         for number in range(10):
@@ -61,6 +68,8 @@ def test_the_networks_of_the_page_take_one_key(cli, empty):
     (module,) = re.findall(r"^```python\n(# my_net\.py\n.*?)^```$", text, re.DOTALL | re.MULTILINE)
     (empty / "my_net.py").write_text(module)
     np.save(empty / "A.npy", np.random.default_rng(0).standard_normal(40_000))
+    (check,) = re.findall(r"^```python\n(# check\.py\n.*?)^```$", text, re.DOTALL | re.MULTILINE)
+    exec(check, {})
     commands = re.findall(r"^    python -m tex_lightning (model=.*my_net.*)$", text, re.MULTILINE)
     given = [shlex.split(command) for command in commands]
     assert len(given) == 2
