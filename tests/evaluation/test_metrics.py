@@ -1,13 +1,17 @@
 """Metrics of a test against scikit-learn, and that each is found where the table says."""
 
 import json
+from dataclasses import replace
+from statistics import fmean
 
 import numpy as np
 import pytest
 from sklearn.metrics import balanced_accuracy_score, f1_score, recall_score, top_k_accuracy_score
 
-from tex_lightning.evaluation.metrics import METRICS, SCORES, class_metrics, figures, told
+from tex_lightning.core.files import read_rows
+from tex_lightning.evaluation.metrics import METRICS, Metric, class_metrics, pooled_metrics, told
 from tex_lightning.evaluation.outcomes import Outcome
+from tex_lightning.report.table import facts
 
 CLASSES = [*"abcdefg"]
 
@@ -51,12 +55,63 @@ def test_the_label_is_the_first_of_the_top_classes_whatever_decides():
     assert class_metrics([last])["top_k_accuracy"] == {"2": 0.0}
 
 
-def test_every_score_of_a_run_is_found_where_the_table_says(bands):
+def test_metrics_of_no_samples_are_not_defined():
+    nothing = {"balanced_accuracy": None, "macro_f1": None, "recall": {}, "top_k_accuracy": {}}
+    assert class_metrics([]) == nothing
+    assert told(nothing, METRICS.values()) == {}
+
+
+def test_every_figure_of_a_run_is_found_where_the_table_says(bands):
     (entry,) = json.loads((bands / "results.json").read_text())["networks"].values()
-    assert [*figures(entry, SCORES)] == [name for name in SCORES if name not in LARGE]
-    assert told(entry, ["vote_accuracy", "latency_ms"]).keys() == {"accuracy", "ms/sample"}
-    assert all(METRICS[name].told(entry) for name in ("parameters", "macs_per_sample"))
+    absent = {name for name, metric in METRICS.items() if metric.of(entry) is None}
+    assert absent == ABSENT
+    assert [METRICS["ci_low"].of(entry), METRICS["ci_high"].of(entry)] == entry["vote_ci95"]
+    assert told(entry, [METRICS["vote_accuracy"]]) == {"accuracy": f"{entry['vote_accuracy']:.1%}"}
     assert METRICS["val_loss"].told({"val_loss": None}) == ""
 
 
-LARGE = ("top_3_accuracy", "top_5_accuracy")  # of three classes there are none
+# Of three classes, of every fragment and of a fit without validation, there are none of these
+ABSENT = {"top_3_accuracy", "top_5_accuracy", "relative_macs"}
+
+
+def test_the_results_of_a_sequential_decision_say_how_much_it_computed():
+    full = outcomes_of([0, 1], np.eye(7)[:2])
+    outcomes = [replace(full[0], relative_macs=0.5), full[1]]
+    assert pooled_metrics(outcomes)["relative_macs"] == 0.75
+    assert "relative_macs" not in pooled_metrics(outcomes[1:])
+
+
+def test_a_new_figure_is_one_line(cli, tiny, tmp_path, monkeypatch):
+    """It is in results, folds, tables, reports, CSVs and loggers, nested where its path says."""
+    sure = Metric("sure", "further.sure", "sure samples", lambda outcomes: fmean(
+        outcome.share > 0.5 for outcome in outcomes), form=".2f")  # fmt: skip
+    monkeypatch.setitem(METRICS, "sure", sure)
+
+    def run(name, *arguments):
+        outcome = cli(*arguments, *tiny, f"hydra.run.dir={tmp_path / name}")
+        assert outcome.status == 0, outcome.err
+        return tmp_path / name
+
+    def results(folder):
+        return json.loads((folder / "results.json").read_text())
+
+    folder = run("cv", "task=crossval", "model=mfcc_nb", "crossval.only=[0,3]", "logger=csv")
+    (entry,) = results(folder)["networks"].values()
+    share = entry["further"]["sure"]
+    assert 0 <= share <= 1
+    assert all(0 <= fold["sure"] <= 1 for fold in entry["folds"])
+    assert facts(results(folder))["haptic"]["sure samples"] == f"{share:.2f}"  # of the terminal
+    for page in ("report.html", "report.md"):
+        assert "sure samples" in (folder / page).read_text()
+    (logged,) = read_rows(folder / "metrics" / "haptic" / "metrics.csv")
+    assert float(logged["test/sure"]) == share
+    folds = ("data.test_fold=0,3", "data.val_fold=null")
+    folder = run("sweep", "-m", f"hydra.sweep.dir={tmp_path}/sweep", "model=mfcc_nb", *folds)
+    jobs = [row for row in read_rows(folder / "sweep.csv") if row["job"] in "01"]
+    entries = [results(folder / job)["networks"]["haptic"] for job in "01"]
+    assert [float(row["sure"]) for row in jobs] == [it["further"]["sure"] for it in entries]
+    assert (folder / "report.md").read_text().count("sure samples") == 2  # jobs, then systems
+    only = ("frontier.only=[mfcc_nb]", "crossval.only=[0,3]")
+    folder = run("frontier", "task=frontier", *only)
+    (row,) = read_rows(folder / "frontier.csv")
+    assert float(row["sure"]) == share

@@ -192,6 +192,9 @@ def vote_counts(outcomes: Sequence[Outcome], classes: list[str]) -> Counts:
     return matrix
 
 
+COUNTS = ("correct", "test_samples", "vote_accuracy", "vote_ci95")  # keys of the following
+
+
 def counted(correct: int, count: int) -> dict[str, Any]:
     """Return counts of votes as an entry of ``results.json`` has them."""
     return {

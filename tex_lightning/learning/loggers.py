@@ -15,7 +15,7 @@ from tex_lightning.config import flatten
 from tex_lightning.config.instantiation import build_derived, find_callable
 from tex_lightning.config.overrides import Setting, chosen_settings, swept_keys
 from tex_lightning.errors import reason
-from tex_lightning.evaluation.metrics import SCORES, figures
+from tex_lightning.evaluation.metrics import logged_figures
 from tex_lightning.learning.module import SurfaceModule
 from tex_lightning.report.board import MAX_NAME, UNUSUAL, Piece, folder_name, show
 from tex_lightning.report.table import typed_overrides
@@ -137,15 +137,7 @@ def log_test(
         trial: Settings by which TensorBoard compares this training with others; None of a fold,
             which is a part of one, and of an evaluation, which trains nothing.
     """
-    metrics = {"test/fit_seconds": result["fit_seconds"], "test/samples": result["test_samples"]}
-    if result["test_samples"]:
-        low, high = result["vote_ci95"]
-        metrics |= {
-            **{f"test/{name}": figure for name, figure in figures(result, SCORES).items()},
-            "test/vote_ci95_low": low,
-            "test/vote_ci95_high": high,
-            **{f"test/{key}": value for key, value in result["calibration"].items()},
-        }
+    metrics = logged_figures(result)
     if trial is not None:
         metrics |= _compared(result)
     for logger in loggers:

@@ -17,7 +17,7 @@ from typing import Any
 from tex_lightning.core.files import read_rows, write_text
 from tex_lightning.evaluation.comparison import mcnemar, pair
 from tex_lightning.evaluation.conditions import pool_conditions
-from tex_lightning.evaluation.metrics import class_metrics, told
+from tex_lightning.evaluation.metrics import METRICS, metrics_in, pooled_metrics, told
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, summarise
 from tex_lightning.report.data_page import data_pictures, data_tables
 from tex_lightning.report.errors import class_tables, error_cards
@@ -192,22 +192,20 @@ def accuracy_table(name: str, systems: Sequence[System]) -> Table:
 
 
 def _line(system: System, top: System, paper: Mapping[str, Any]) -> Row:
-    fit_seconds = sum(entry["fit_seconds"] for entry in system.entries)
     ours = {
-        **summarise(system.outcomes),
-        **class_metrics(system.outcomes),
-        "fit_seconds": fit_seconds,
-        "parameters": system.entries[0]["parameters"],
+        **system.entries[0],
+        **pooled_metrics(system.outcomes, calibrated=False),
+        "fit_seconds": sum(entry["fit_seconds"] for entry in system.entries),
     }
     return {
         "system": system.label,
         "accuracy, paper": f"{paper['vote']:g} %" if "vote" in paper else "",
         "accuracy": _accuracy(system),
         "95 % interval": _interval(system),
-        **({} if system.seeds else told(ours, ("balanced_accuracy", "macro_f1"))),
+        **({} if system.seeds else told(ours, metrics_in("comparison", "scores"))),
         "p against the top": "top" if system is top else _against(top, system),
         "fragments, paper": f"{paper['fragment']:g} %" if "fragment" in paper else "",
-        **told(ours, ("fragment_accuracy", "latency_ms", "fit_seconds", "parameters")),
+        **told(ours, metrics_in("comparison", "costs")),
     }
 
 
@@ -222,7 +220,7 @@ def _interval(system: System) -> str:
     """Return Wilson's interval of the counts; seeds have none, since they test the same samples."""
     if system.seeds:
         return ""
-    return "{:.1%} to {:.1%}".format(*summarise(system.outcomes)["vote_ci95"])
+    return METRICS["vote_ci95"].told(summarise(system.outcomes))
 
 
 def _against(top: System, system: System) -> str:

@@ -20,16 +20,15 @@ from tex_lightning.data.recordings import natural_key
 from tex_lightning.errors import UserError
 from tex_lightning.report.table import TINY, Table, is_tiny, make_table
 from tex_lightning.report.trials import (
-    BEST,
-    COLUMNS,
     FAILURE,
     JOB,
-    LOSS,
     Row,
     assigned,
+    columns,
     sweep_rows,
     sweep_table,
     swept_keys,
+    told_figures,
 )
 
 log = logging.getLogger(__name__)
@@ -114,9 +113,10 @@ def _summarise(directory: Path, *, searched: bool) -> None:
     SweepSummary.failures = sum(row["status"] != "done" for row in rows)
     keys = swept_keys(rows)
     lines = [{**row, **assigned(row), "overrides": " ".join(row["overrides"])} for row in rows]
-    columns = [*(key for key in keys if key not in COLUMNS), *COLUMNS]
-    cells = ([line.get(column) for column in columns] for line in lines)
-    write_rows(directory / "sweep.csv", columns, ([*map(_written, line)] for line in cells))
+    known = columns()
+    headings = [*(key for key in keys if key not in known), *known]
+    cells = ([line.get(heading) for heading in headings] for line in lines)
+    write_rows(directory / "sweep.csv", headings, ([*map(_written, line)] for line in cells))
     table = sweep_table(rows, searched=searched)
     _print(table, rows, directory)
     # heavy, and only now needed
@@ -144,7 +144,7 @@ def runs_side_by_side(config: DictConfig) -> bool:
 
 def _print(table: Table, rows: Sequence[Row], directory: Path) -> None:
     """Print a line for each row that is shown, failures, and where the files are."""
-    right = ("accuracy", "95 % CI", LOSS, "fit s", BEST)
+    right = {heading for row in rows for heading in told_figures(row, searched=False)}
     one = len({row["network"] for row in rows if "network" in row}) == 1
     headings = [name for name in table.headings if not (one and name == "network")]
     shown = [name for name in headings if name not in right]

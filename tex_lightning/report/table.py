@@ -14,7 +14,7 @@ from tex_lightning.core.files import read_record
 from tex_lightning.core.run_folder import SETTINGS
 from tex_lightning.data.recordings import natural_key
 from tex_lightning.evaluation.conditions import KEY
-from tex_lightning.evaluation.metrics import METRICS, told
+from tex_lightning.evaluation.metrics import METRICS, counts_text, metrics_in, told
 
 PAPER = Path(__file__).with_name("paper.yaml")
 TINY = "debug=tiny shrank every budget of this run: its accuracy has no meaning."
@@ -26,8 +26,6 @@ POOLED = (
 )  # fmt: skip
 OWN_SENSE = re.compile(r"\+sense@model\.(\w+)=\1$")  # which the package adds for each in a folder
 MAX_LISTED = 12  # values of a condition that a table lists; results.json has all
-
-COSTS = ("latency_ms", "fit_seconds", "parameters", "macs_per_sample")
 
 Network = Mapping[str, Any]  # an entry of results.json
 Row = Mapping[str, str]
@@ -67,7 +65,7 @@ def facts(results: Mapping[str, Any]) -> dict[str, dict[str, str]]:
         name: {
             "accuracy": "not tested",
             **_crossvalidated(network.get("crossval")),
-            **told(network, COSTS[1:]),
+            **told(network, metrics_in("summary")),
             **_uncounted(network),
         }
         for name, network in networks.items()
@@ -75,13 +73,11 @@ def facts(results: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     }
     return untested or {
         name: {
-            **told(network, ("vote_accuracy",)),
-            "correct": f"{network['correct']}/{network['test_samples']}",
-            "95 % interval": "{:.1%} to {:.1%}".format(*network["vote_ci95"]),
+            **told(network, metrics_in("summary", "votes")),
             "chance": f"{1 / len(results['classes']):.1%}",
-            **told(network, ("balanced_accuracy", "macro_f1", "top_3_accuracy")),
+            **told(network, metrics_in("summary", "scores")),
             **_rejections(network),
-            **told(network, ("fragment_accuracy", *COSTS)),
+            **told(network, metrics_in("summary", "costs")),
             **_uncounted(network),
         }
         for name, network in networks.items()
@@ -91,15 +87,14 @@ def facts(results: Mapping[str, Any]) -> dict[str, dict[str, str]]:
 
 def counted(entry: Mapping[str, Any]) -> str:
     """Return the accuracy of an entry and its counts."""
-    return f"{entry['vote_accuracy']:.1%} ({entry['correct']}/{entry['test_samples']})"
+    return f"{METRICS['vote_accuracy'].told(entry)} ({counts_text(entry)})"
 
 
 def _crossvalidated(pooled: Mapping[str, Any] | None) -> dict[str, str]:
     """Return what a cross-validation of the same settings gave, if there was one."""
     if not pooled:
         return {}
-    low, high = pooled["vote_ci95"]
-    return {"cross-validated": f"{counted(pooled)}, {low:.1%} to {high:.1%}"}
+    return {"cross-validated": f"{counted(pooled)}, {METRICS['vote_ci95'].told(pooled)}"}
 
 
 def _rejections(network: Network) -> dict[str, str]:

@@ -12,8 +12,9 @@ from typing import Any
 
 from tex_lightning.config import SILENT
 from tex_lightning.core.files import read_record
-from tex_lightning.evaluation.metrics import SCORES, figures
-from tex_lightning.evaluation.outcomes import wilson_interval
+from tex_lightning.evaluation.metrics import METRICS, figures, metrics_in
+from tex_lightning.evaluation.outcomes import COUNTS
+from tex_lightning.evaluation.outcomes import counted as counted_votes
 from tex_lightning.report.table import FOLD_KEYS, Table, counted, run_overrides, run_settings
 
 Row = dict[str, Any]
@@ -23,17 +24,19 @@ JOB = "job"
 LOSS = "val_loss"  # what a search minimises
 LONG = 8  # characters from which on a number is shortened
 BEST = "best"  # column of the mark, and the mark
-COLUMNS = (
-    JOB, "overrides", "status", "network", "vote_accuracy", "vote_accuracy_sd", "ci_low",
-    "ci_high", "correct", "test_samples",
-    *(name for name in SCORES if name != "vote_accuracy"), LOSS, BEST,
-)  # fmt: skip
-KEPT = ("vote_accuracy", "correct", "test_samples", "fragment_accuracy", "fit_seconds")
 SEARCHED = f"Best is the job with the least {LOSS}, the objective of the search."
 NOT_SEARCHED = (
     "No row is called the best: nothing was searched for, and the highest accuracy was found on "
     "the test fold."
 )
+
+
+def columns() -> list[str]:
+    """Return the columns of ``sweep.csv`` beside the keys that were swept."""
+    accuracy, *others = (metric.name for metric in metrics_in("sweep"))
+    return [
+        JOB, "overrides", "status", "network", accuracy, f"{accuracy}_sd", *others, BEST,
+    ]  # fmt: skip
 
 
 def sweep_rows(jobs: Sequence[Path], *, searched: bool) -> list[Row]:
@@ -67,19 +70,10 @@ def _of_job(job: Path) -> list[Row]:
     # a frontier, a profile and a test of stability have tables of their own
     networks = read_record(results).get("networks", {})
     return [
-        {**start, "network": name, **_of_network(network)}
+        {**start, "network": name, **figures(network, metrics_in("sweep"))}
         for name, network in networks.items()
         if "vote_accuracy" in network or network.get("test_samples") == 0
     ] or [start]
-
-
-def _of_network(network: dict[str, Any]) -> Row:
-    """Return what a row has of a network; one that was trained on everything has no test."""
-    row: Row = {LOSS: network.get(LOSS), **figures(network, (*KEPT, *SCORES))}
-    if "vote_accuracy" in network:
-        low, high = network["vote_ci95"]
-        row |= {"ci_low": low, "ci_high": high}
-    return row
 
 
 def _mark_best(rows: Sequence[Row]) -> None:
@@ -97,10 +91,9 @@ def _pooled(rows: Sequence[Row]) -> list[Row]:
     for members in _alike(tested, FOLD_KEYS):
         whole += members if len(members) == 1 else []
         if len(members) > 1:
-            correct, count = (sum(row[key] for row in members) for key in KEPT[1:3])
-            low, high = wilson_interval(correct, count)
-            counts = {"correct": correct, "test_samples": count, "ci_low": low, "ci_high": high}
-            folds.append({**_over("folds", members), **counts, "vote_accuracy": correct / count})
+            correct, count = (sum(row[key] for row in members) for key in COUNTS[:2])
+            votes = figures(counted_votes(correct, count), metrics_in("sweep", "votes"))
+            folds.append({**_over("folds", members), **votes})
     seeds = []
     for members in _alike([*whole, *folds], ("seed",)):
         if len(members) > 1:  # they test the same samples, so no count is pooled
@@ -111,9 +104,10 @@ def _pooled(rows: Sequence[Row]) -> list[Row]:
 
 
 def _means(members: Sequence[Row]) -> Row:
-    """Return the mean of each score that all members have."""
-    common = [key for key in SCORES if all(key in row for row in members)]
-    return {key: mean(row[key] for row in members) for key in common}
+    """Return the mean of each figure that all members have; counts have none."""
+    names = [metric.name for metric in metrics_in("sweep", "scores", "costs")]
+    common = [name for name in names if all(row.get(name) is not None for row in members)]
+    return {name: mean(row[name] for row in members) for name in common}
 
 
 def _alike(rows: Sequence[Row], keys: tuple[str, ...]) -> list[list[Row]]:
@@ -202,14 +196,17 @@ def short(value: str) -> str:
 
 def _told(row: Row, searched: bool) -> dict[str, str]:
     """Return what came out of a row, by heading."""
-    loss = row.get(LOSS) if searched else None
+    return {JOB: row[JOB], "network": row.get("network", ""), **told_figures(row, searched)}
+
+
+def told_figures(row: Row, searched: bool) -> dict[str, str]:
+    """Return the figures of a row as text, by heading."""
+    loss = METRICS[LOSS]
     return {
-        JOB: row[JOB],
-        "network": row.get("network", ""),
         "accuracy": _accuracy(row),
         "95 % CI": f"{100 * row['ci_low']:.1f}-{row['ci_high']:.1%}" if "ci_low" in row else "",
-        LOSS: "" if loss is None else f"{loss:.4g}",
-        "fit s": f"{row['fit_seconds']:.1f}" if "fit_seconds" in row else "",
+        loss.heading: loss.text(row.get(LOSS)) if searched else "",
+        **{metric.heading: metric.text(row.get(metric.name)) for metric in metrics_in("trials")},
         BEST: row.get(BEST, ""),
     }
 

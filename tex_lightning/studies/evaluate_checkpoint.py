@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from statistics import fmean
 from types import MappingProxyType
 from typing import Any
 
@@ -12,16 +11,14 @@ from tex_lightning.config import Config
 from tex_lightning.core.devices import computing_device
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store, Unusable, load_sample, skipped_entry
-from tex_lightning.evaluation.calibration import calibration
 from tex_lightning.evaluation.conditions import Bins, by_condition
 from tex_lightning.evaluation.confusion import fragment_counts
-from tex_lightning.evaluation.metrics import class_metrics
+from tex_lightning.evaluation.metrics import pooled_metrics
 from tex_lightning.evaluation.novelty import report_unknown
 from tex_lightning.evaluation.outcomes import (
     Outcome,
     environment,
     run_test,
-    summarise,
     vote_counts,
     write_outcomes,
 )
@@ -123,18 +120,6 @@ def report_network(
         **report_unknown(decider, unknown, store, directory, outcomes, fold),
     }
     return entry, outcomes
-
-
-def pooled_metrics(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """Return entries of ``results.json`` that follow from the outcomes of some folds."""
-    entry = {
-        **summarise(outcomes),
-        **class_metrics(outcomes),
-        "calibration": calibration(outcomes),
-    }
-    if any(outcome.relative_macs != 1 for outcome in outcomes):  # of sequential decisions
-        entry["relative_macs"] = fmean(outcome.relative_macs for outcome in outcomes)
-    return entry
 
 
 def draw_figures(

@@ -19,15 +19,21 @@ from tex_lightning.config.composition import Job
 from tex_lightning.core.progress import track
 from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.evaluation.conditions import pool_conditions
+from tex_lightning.evaluation.metrics import figures, metrics_in, pooled_metrics
 from tex_lightning.evaluation.novelty import pool_unknown
-from tex_lightning.evaluation.outcomes import read_outcomes, write_outcomes, write_results
+from tex_lightning.evaluation.outcomes import (
+    COUNTS,
+    read_outcomes,
+    write_outcomes,
+    write_results,
+)
 from tex_lightning.learning.loggers import open_loggers
 from tex_lightning.learning.train import checkpoint_of
 from tex_lightning.report.errors import keep_samples
 from tex_lightning.report.gallery import sample_pieces
 from tex_lightning.report.table import print_results
 from tex_lightning.studies.dataset import Dataset
-from tex_lightning.studies.evaluate_checkpoint import draw_figures, pooled_metrics
+from tex_lightning.studies.evaluate_checkpoint import draw_figures
 from tex_lightning.studies.fold import (
     chosen_folds,
     finished_fold,
@@ -37,9 +43,6 @@ from tex_lightning.studies.fold import (
     training_results,
 )
 from tex_lightning.studies.logged import fold_samples, log_network, looking_by_fold
-
-COUNTED = ("correct", "test_samples", "vote_accuracy", "vote_ci95")
-KEPT = ("fragment_accuracy", "vote_accuracy", "test_samples", "fit_seconds", "checkpoint")
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
@@ -90,7 +93,7 @@ def _refit(
         By network what changes in its entry: the checkpoint, and the time of this training.
     """
     known = {
-        name: {**{key: entry[key] for key in COUNTED}, "folds": len(entry["folds"])}
+        name: {**{key: entry[key] for key in COUNTS}, "folds": len(entry["folds"])}
         for name, entry in pooled.items()
     }
     networks = fit_fold(config, dataset, directory, crossvalidated=known)
@@ -125,7 +128,11 @@ def _pool(
         "fit_seconds": sum(entry["fit_seconds"] for entry in entries.values()),
         "checkpoint": first["checkpoint"],
         "folds": [
-            {"fold": int(home.name), **{key: entry[key] for key in KEPT}}
+            {
+                "fold": int(home.name),
+                **figures(entry, metrics_in("folds")),
+                "checkpoint": entry["checkpoint"],
+            }
             for home, entry in entries.items()
         ],
     }

@@ -19,7 +19,8 @@ from tex_lightning.evaluation.comparison import (
     one_standard_error,
     pareto,
 )
-from tex_lightning.evaluation.outcomes import environment, summarise, write_results
+from tex_lightning.evaluation.metrics import METRICS, metrics_in, pooled_metrics
+from tex_lightning.evaluation.outcomes import environment, write_results
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.frontier_chart import Row, frontier_figure
 from tex_lightning.report.table import make_table, print_tables
@@ -30,6 +31,17 @@ from tex_lightning.studies.family import (
     with_system,
 )
 from tex_lightning.studies.fold import chosen_folds
+
+COLUMNS = {  # of ``frontier.csv``, with the metric that each has; further metrics come last
+    "parameters": "parameters",
+    "macs": "macs_per_sample",
+    "latency_ms_median": "latency_ms",
+    "latency_ms_p95": "latency_ms_p95",
+    "fit_seconds": "fit_seconds",
+    "vote_accuracy": "vote_accuracy",
+    "ci_low": "ci_low",
+    "ci_high": "ci_high",
+}
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
@@ -90,34 +102,38 @@ def _choose(systems: Sequence[System]) -> System:
 
 def _rows(systems: Sequence[System], chosen: System) -> list[dict[str, Any]]:
     """Return the rows of ``frontier.csv``, fastest first."""
-    summaries = {system.name: summarise(system.outcomes) for system in systems}
-    accuracies = {name: summary["vote_accuracy"] for name, summary in summaries.items()}
-    line = pareto({system.name: (system.cost, accuracies[system.name]) for system in systems})
+    entries = {system.name: _entry(system) for system in systems}
+    points = {
+        system.name: (system.cost, entries[system.name]["vote_accuracy"]) for system in systems
+    }
+    line = pareto(points)
+    further = [metric for metric in metrics_in("frontier") if metric.name not in COLUMNS.values()]
     rows = []
     for system in sorted(systems, key=lambda system: system.cost):
-        macs = system.entry["macs_per_sample"]
-        if macs is not None:  # those that a sequential decision does not do are left out
-            macs = round(macs * fmean(outcome.relative_macs for outcome in system.outcomes))
-        summary = summaries[system.name]
-        low, high = summary["vote_ci95"]
+        entry = entries[system.name]
         row = {
             "system": system.name,
             "kind": system.config.model.kind,
-            "parameters": system.entry["parameters"],
-            "macs": macs,
-            "latency_ms_median": summary["latency_ms"]["median"],
-            "latency_ms_p95": summary["latency_ms"]["p95"],
-            "fit_seconds": system.fit_seconds,
-            "vote_accuracy": accuracies[system.name],
-            "ci_low": low,
-            "ci_high": high,
+            **{column: METRICS[name].of(entry) for column, name in COLUMNS.items()},
             "on_frontier": system.name in line,
             "chosen": system is chosen,
             "latency_ms_mean": system.cost,
             "name": system.label,
+            **{metric.name: metric.of(entry) for metric in further},
         }
         rows.append(row)
     return rows
+
+
+def _entry(system: System) -> dict[str, Any]:
+    """Return what ``results.json`` would say of a system on all tested folds."""
+    pooled = pooled_metrics(system.outcomes, calibrated=False)
+    macs = system.entry["macs_per_sample"]
+    if macs is not None:  # those that a sequential decision does not do are left out
+        macs = round(macs * fmean(outcome.relative_macs for outcome in system.outcomes))
+    return {
+        **system.entry, **pooled, "macs_per_sample": macs, "fit_seconds": system.fit_seconds
+    }  # fmt: skip
 
 
 def _command(job: Job, overrides: Sequence[str]) -> str:
@@ -142,11 +158,11 @@ def print_frontier(rows: Sequence[Row], directory: Path, command: str) -> None:
     for row in rows:
         table.add_row(
             row["name"] + (" (chosen)" if row["chosen"] else ""),
-            f"{row['vote_accuracy']:.1%}",
+            METRICS["vote_accuracy"].text(row["vote_accuracy"]),
             f"{100 * row['ci_low']:.1f}-{100 * row['ci_high']:.1f}",
             f"{row['latency_ms_mean']:.1f}",
-            f"{row['fit_seconds']:.1f}",
-            f"{row['parameters']:,}",
+            METRICS["fit_seconds"].text(row["fit_seconds"]),
+            METRICS["parameters"].text(row["parameters"]),
             style=None if row["on_frontier"] else "dim",
         )
     console.print(table)
