@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "tex_lightning"
 HEADINGS = ("package", "purpose", "imports")
 PURPOSES = {
-    "estimator": "Trains and classifies arrays with the conventions of scikit-learn. Calls what the "
+    "estimator": "Trains and classifies arrays as scikit-learn would have it. Calls what the "
     "tasks call.",
     "cli": "Parses a command line or the arguments of `tl.train`. Composes the configuration and "
     "dispatches the task.",
