@@ -36,9 +36,10 @@ from tex_lightning.core.devices import keep_memory
 from tex_lightning.data.datamodule import Batch, SurfaceData, TrainingBatches
 from tex_lightning.evaluation.outcomes import environment
 from tex_lightning.learning.module import SurfaceModule
+from tex_lightning.learning.recipe import complete_recipe
 from tex_lightning.learning.train import Training
 from tex_lightning.studies.dataset import Dataset
-from tex_lightning.studies.fold import complete_recipe, open_training
+from tex_lightning.studies.fold import open_training
 
 CORE = ("forward", "backward", "optimiser")  # what a training step is for
 PARTS = ("data", "augmentation", *CORE)
@@ -238,5 +239,5 @@ def _train(
 ) -> SurfaceClassifier:
     parts, store = dataset.parts(config.data), dataset.store
     card = configured_card(config, dataset.classes).of(senses)
-    card = complete_recipe(config, card, parts, store, unimodal)
+    card = complete_recipe(config, card, parts, store, unimodal, {})
     return Training(config, card, parts, store, folder, unimodal, watchers=[watch]).run()

@@ -16,7 +16,8 @@ from tex_lightning.core.console import Screen
 from tex_lightning.data.banks import InputBank
 from tex_lightning.data.datamodule import SurfaceData, TrainingBatches
 from tex_lightning.errors import UserError
-from tex_lightning.learning.module import SurfaceModule, start_fusion
+from tex_lightning.learning.module import SurfaceModule
+from tex_lightning.learning.start import start_fusion
 from tex_lightning.learning.trainer import make_trainer, quiet_lightning
 
 SCHEDULES = "torch.optim.lr_scheduler"
@@ -208,7 +209,7 @@ def rates_of(folder: Path, precision: str = "32-true", **flags: object) -> list[
     batches = TrainingBatches({"haptic": (bank, np.array([0, 1, 2, 0]))}, batch_size=2, seed=0)
     working = folder / "checkpoints" / "haptic"
     with quiet_lightning():
-        trainer, *_ = make_trainer(settings, [], [], model.fit_config, working, validated=False)
+        trainer = make_trainer(settings, [], [], model.fit_config, working, validated=False)
         model.on_before_optimizer_step = lambda *_: rates.append(
             trainer.optimizers[0].param_groups[-1]["lr"]
         )
@@ -242,7 +243,7 @@ def test_a_fit_in_closed_form_takes_no_step_whatever_the_flags_say(tmp_path):
     for value in (3, "three"):
         settings.max_epochs = value
         none = {**FIT, "epochs": 0}
-        trainer, *_ = make_trainer(settings, [], [], none, working, validated=False)
+        trainer = make_trainer(settings, [], [], none, working, validated=False)
         assert trainer.max_epochs == 0
     with pytest.raises(UserError, match=r"max_epochs=three is no number.* model\.b\.fit\.epochs"):
         make_trainer(settings, [], [], FIT, working, validated=False)
@@ -253,7 +254,7 @@ def test_flags_that_are_keys_of_the_recipe_are_answered_with_these(tmp_path, cap
     settings, working = TrainerConfig("cpu", 1, 1, "auto", "32-true", False), tmp_path / "haptic"
     settings.max_epochs = 3
     with caplog.at_level("INFO"):
-        trainer, *_ = make_trainer(settings, [], [], FIT, working, validated=False)
+        trainer = make_trainer(settings, [], [], FIT, working, validated=False)
     assert trainer.max_epochs == 3  # as every flag of Lightning's
     assert "of every network of this run, model.haptic.fit.epochs of one." in caplog.text
     settings.batch_size = 4

@@ -7,8 +7,8 @@ import torch
 from conftest import make_card, save_checkpoint
 
 from tex_lightning.errors import UserError
-from tex_lightning.learning.train import Training, _take_best
-from tex_lightning.learning.trainer import CheckpointFiles
+from tex_lightning.learning.train import Training
+from tex_lightning.learning.trainer import CheckpointFiles, take_best
 
 
 class Unsaveable:
@@ -43,7 +43,7 @@ def test_weights_that_are_no_numbers_end_a_training_in_a_sentence(value: float) 
     torch.nn.init.constant_(layer.bias, value)
     layer.kind = "fusion"
     if value == 1e30:
-        _take_best(layer, None)
+        take_best(layer, None)
         return
     with pytest.raises(UserError, match=r"diverged, .*; lower model\.fusion\.fit\.learning_rate"):
-        _take_best(layer, None)
+        take_best(layer, None)

@@ -17,6 +17,7 @@ from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
+from tex_lightning.learning.module import SurfaceModule
 from tex_lightning.learning.trial import try_baseline, try_sense
 
 RATE = 1000.0
@@ -51,6 +52,10 @@ def card(features: dict | None = None, network: dict | None = None) -> Card:
     return Card(classes=whole.classes, senses={"force": node}, decision=whole.decision)
 
 
+def module(card: Card) -> SurfaceModule:
+    return SurfaceModule(card, FIT, 0, {"force": 20})
+
+
 @pytest.mark.parametrize(
     ("part", "spoil", "said"),
     [
@@ -73,19 +78,19 @@ def card(features: dict | None = None, network: dict | None = None) -> Card:
 )
 def test_parts_that_break_their_contract(world, part, spoil, said):
     with pytest.raises(UserError, match=said):
-        try_sense(card(**{part: {"spoil": spoil}}), FIT, 20, *world)
+        try_sense(module(card(**{part: {"spoil": spoil}})), *world)
 
 
 def test_a_score_layer_of_other_features_is_found_before_the_training(world):
     with pytest.raises(RuntimeError, match="shapes") as caught:
-        try_sense(card(network={"spoil": "blind"}), FIT, 20, *world)
+        try_sense(module(card(network={"spoil": "blind"})), *world)
     assert fault_of(caught.value).startswith("model.force.network (SpoiltNet) raised RuntimeError")
 
 
 @pytest.mark.parametrize("part", ["features", "network"])
 def test_what_a_part_raises_keeps_its_traceback_after_its_key(world, part):
     with pytest.raises(KeyError, match="boom of a user") as caught:
-        try_sense(card(**{part: {"spoil": "raise"}}), FIT, 20, *world)
+        try_sense(module(card(**{part: {"spoil": "raise"}})), *world)
     said = fault_of(caught.value)
     assert said.startswith(f"model.force.{part} (")
     assert "raised KeyError" in said
@@ -94,9 +99,9 @@ def test_what_a_part_raises_keeps_its_traceback_after_its_key(world, part):
 
 def test_what_keeps_its_contract_passes(world, caplog):
     with caplog.at_level(logging.WARNING):
-        try_sense(card({"spoil": "buffer"}), FIT, 20, *world)
+        try_sense(module(card({"spoil": "buffer"})), *world)
         assert not caplog.records
-        try_sense(card({"spoil": "parameter"}), FIT, 20, *world)
+        try_sense(module(card({"spoil": "parameter"})), *world)
     assert "model.force.features (Frames) has parameters, and training does not" in caplog.text
 
 

@@ -156,6 +156,11 @@ def system_name(source: str | Path) -> str:
         return "checkpoint"
 
 
+def checkpoint_of(directory: Path, kind: str) -> Path:
+    """Return the checkpoint of a network in a run folder."""
+    return directory / "checkpoints" / f"{kind}.ckpt"
+
+
 def find_checkpoint(source: str | Path) -> Path:
     """Return the checkpoint file that is meant: the file itself, or a run folder's own network.
 

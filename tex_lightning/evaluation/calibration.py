@@ -4,8 +4,7 @@ The probabilities of a sample are the means over its fragments; its confidence i
 that won the vote.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -83,42 +82,31 @@ def auroc(negative: Sequence[float], positive: Sequence[float]) -> float | None:
     return float(mannwhitneyu(positive, negative).statistic / pairs)
 
 
-def sample_loss(card: Card, samples: Sequence[Sample], scores: Sequence[Tensor]) -> float:
+def sample_loss(
+    card: Card, samples: Sequence[Sample], scores: Sequence[Tensor], temperature: float
+) -> float:
     """Return the mean negative logarithm of the probability that samples' own class gets.
 
     Args:
-        card: Card of the classifier, with its temperature.
+        card: Card of the classifier.
         samples: At least one.
         scores: Class scores (classes, fragments) of each.
+        temperature: Divisor of the scores before the softmax.
     """
     labels = class_indices([sample.label for sample in samples], card.classes)
-    votes = [RULES[card.rule](logits, card.temperature) for logits in scores]
+    votes = [RULES[card.rule](logits, temperature) for logits in scores]
     likely = [vote.probabilities[label] for vote, label in zip(votes, labels, strict=True)]
     return float(-torch.stack(likely).clamp_min(IMPROBABLE).log().mean())
 
 
-def calibrated_card(
-    card: Card,
-    samples: Sequence[Sample],
-    compute_scores: Callable[[], Sequence[Tensor]],
-    *,
-    fitted: bool = False,
-) -> Card:
-    """Return the card with the temperature of the probabilities.
+def sample_temperature(card: Card, samples: Sequence[Sample], scores: Sequence[Tensor]) -> float:
+    """Return the temperature under which the probabilities of samples fit their classes best.
 
     Args:
-        card: Card of a trained classifier.
-        samples: Samples of the validation fold; without any the card stays as it is.
-        compute_scores: Gives their class scores (classes, fragments).
-        fitted: Whether its probabilities were fitted with its weights, to all training recordings:
-            a temperature from the few of the validation fold would only make them worse.
+        card: Card of the classifier.
+        samples: Samples of the validation fold, at least one.
+        scores: Class scores (classes, fragments) of each.
     """
-    if fitted or not samples or "temperature" in card.calibration:
-        return card
-    with torch.inference_mode():
-        logits = compute_scores()
     if card.rule == "score":  # which alone counts then
-        logits = [scores.mean(dim=1, keepdim=True) for scores in logits]
-    labels = class_indices([sample.label for sample in samples], card.classes)
-    temperature = fit_temperature(logits, labels)
-    return replace(card, calibration={**card.calibration, "temperature": temperature})
+        scores = [logits.mean(dim=1, keepdim=True) for logits in scores]
+    return fit_temperature(scores, class_indices([x.label for x in samples], card.classes))

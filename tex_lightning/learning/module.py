@@ -5,7 +5,7 @@ prediction each, with a faster head.
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any, Self
 
 import torch
@@ -17,7 +17,7 @@ from torchmetrics.classification import MulticlassAccuracy
 
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.config import EngineConfig
+from tex_lightning.config import Config, EngineConfig
 from tex_lightning.config.instantiation import build, call
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.devices import full_precision
@@ -273,26 +273,11 @@ class SurfaceModule(LightningModule):
         return isinstance(trainer.precision_plugin, MixedPrecision)
 
 
-def start_fusion(
-    module: SurfaceModule, starts: Mapping[str, SurfaceClassifier], head_start: str
-) -> None:
-    """Copy the weights of unimodal networks, and what their features have learnt.
-
-    Args:
-        module: Module of the fusion.
-        starts: By sense the classifier whose weights are copied.
-        head_start: ``scores`` begins with the sum of all networks' class scores, ``random`` with
-            small random weights.
-    """
-    for name, start in starts.items():
-        sense, source = module.classifier.senses[name], start.cpu().senses[name]
-        sense.features.load_state_dict(source.features.state_dict())
-        kept = sense.network.state_dict()  # without FC3 where FC2 is fused
-        weights = source.network.state_dict()
-        sense.network.load_state_dict({key: weights[key] for key in kept})
-        sense.network.eval()  # and stays so: networks that are trained already need no dropout
-    if head_start == "scores":
-        module.fusion.start_from_scores(*(start.network for start in starts.values()))
+def make_module(config: Config, card: Card) -> SurfaceModule:
+    """Make the module that trains a network of the model."""
+    model = config.model
+    pieces = {name: model.sense(name).fit.piece for name in card.sense_names}
+    return SurfaceModule(card, model.fit_values(card.kind), config.seed, pieces, config.engine)
 
 
 def accuracy(classes: int) -> MulticlassAccuracy:

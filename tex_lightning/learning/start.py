@@ -4,7 +4,7 @@ import hashlib
 import json
 import logging
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, cast
@@ -92,6 +92,28 @@ def starting_classifier(source: str, kind: str) -> SurfaceClassifier | None:
     """
     path = Path(source)
     return SurfaceClassifier.from_checkpoint(path, kind) if path.suffix == SUFFIX else None
+
+
+def start_fusion(
+    module: SurfaceModule, starts: Mapping[str, SurfaceClassifier], head_start: str
+) -> None:
+    """Copy the weights of unimodal networks, and what their features have learnt.
+
+    Args:
+        module: Module of the fusion.
+        starts: By sense the classifier whose weights are copied.
+        head_start: ``scores`` begins with the sum of all networks' class scores, ``random`` with
+            small random weights.
+    """
+    for name, start in starts.items():
+        sense, source = module.classifier.senses[name], start.cpu().senses[name]
+        sense.features.load_state_dict(source.features.state_dict())
+        kept = sense.network.state_dict()  # without FC3 where FC2 is fused
+        weights = source.network.state_dict()
+        sense.network.load_state_dict({key: weights[key] for key in kept})
+        sense.network.eval()  # and stays so: networks that are trained already need no dropout
+    if head_start == "scores":
+        module.fusion.start_from_scores(*(start.network for start in starts.values()))
 
 
 def start_network(

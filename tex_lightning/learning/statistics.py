@@ -6,23 +6,22 @@ thresholds, and the novelties that set ``decision.unknown``.
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import Any, cast
 
 import torch
 from torch import Tensor
 
-from tex_lightning.classifier.card import NOVELTIES
+from tex_lightning.classifier.card import NOVELTIES, Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.config import EngineConfig
 from tex_lightning.core.groups import leave_out
 from tex_lightning.core.progress import track
-from tex_lightning.data.folds import Split, make_samples
+from tex_lightning.data.folds import Sample, Split, make_samples
 from tex_lightning.data.recordings import Recording, Recordings, class_indices, plural
 from tex_lightning.data.store import Store, load_recording, load_sample
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.calibration import calibrated_card, sample_loss
+from tex_lightning.evaluation.calibration import sample_loss, sample_temperature
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.learning.start import FrozenTrunk, fits_probabilities, scores_textures
 
@@ -138,10 +137,15 @@ def position_features(
 
 
 @torch.inference_mode()
-def complete_card(
-    classifier: SurfaceClassifier, parts: Split, store: Store, engine: EngineConfig
-) -> None:
-    """Set temperature, known novelties and loss of a trained card on the validation fold.
+def calibrate(
+    classifier: SurfaceClassifier,
+    parts: Split,
+    store: Store,
+    engine: EngineConfig,
+    left_out: Mapping[str, Sequence[float | None]],
+    loss: float | None,
+) -> tuple[dict[str, Any], float | None]:
+    """Measure a trained classifier on the validation fold, for its card.
 
     That is the temperature, and the novelties of known samples that ``decision.unknown`` is set
     by. Where no layer before the scores was trained, those of training recordings that were left
@@ -153,8 +157,13 @@ def complete_card(
         parts: Recordings by part.
         store: Decoded files.
         engine: Settings of the accelerated copy that computes scores and novelties.
+        left_out: By sense the novelties of training recordings, or nothing.
+        loss: The loss of the best epoch; None of what took no step.
+
+    Returns:
+        What the card has as ``calibration``, and the loss, which is None without validation.
     """
-    samples = make_samples(parts.val, classifier.card.modalities)
+    card, samples = classifier.card, make_samples(parts.val, classifier.card.modalities)
     fast, scores, validated = accelerate(classifier, engine), [], []
     for sample in samples:
         recordings = load_sample(sample, store)
@@ -162,18 +171,40 @@ def complete_card(
         seed = 0 if fast.fusion is None else fast.seed(**recordings)
         scores.append(fast.fuse([output.partial_logits for output in outputs], seed))
         validated.append([float(cast(Tensor, output.novelty)) for output in outputs])
-    left_out: dict[str, list[float | None]] = classifier.card.training["left_out"]
+    # fitted with the weights, to all training recordings: one of a few samples would be worse
     fitted = any(left_out.values()) and fits_probabilities(classifier)
-    card = calibrated_card(classifier.card, samples, lambda: scores, fitted=fitted)
-    if classifier.statistics and not card.novelties:
-        rows = [*_left_out(left_out, classifier, parts), *validated]
-        if rows:
-            columns = zip(card.sense_names, map(list, zip(*rows, strict=True)), strict=True)
-            card = replace(card, calibration={**card.calibration, NOVELTIES: dict(columns)})
-    if samples and card.training["val_loss"] is None:  # of what took no step
-        loss = sample_loss(card, samples, scores)
-        card = replace(card, training={**card.training, "val_loss": loss})
-    classifier.card = card
+    calibration, loss = _calibrated(card, samples, scores, loss, fitted=fitted)
+    if classifier.statistics and (rows := [*_left_out(left_out, classifier, parts), *validated]):
+        columns = zip(card.sense_names, map(list, zip(*rows, strict=True)), strict=True)
+        calibration[NOVELTIES] = dict(columns)
+    return calibration, loss
+
+
+@torch.inference_mode()
+def calibrate_baseline(
+    classifier: SurfaceClassifier, parts: Split, store: Store
+) -> tuple[dict[str, Any], float | None]:
+    """Measure a fitted baseline on the validation fold; see :func:`calibrate`."""
+    samples = make_samples(parts.val, classifier.card.modalities)
+    scores = [classifier.logits(**load_sample(sample, store)) for sample in samples]
+    return _calibrated(classifier.card, samples, scores, None)
+
+
+def _calibrated(
+    card: Card,
+    samples: Sequence[Sample],
+    scores: Sequence[Tensor],
+    loss: float | None,
+    *,
+    fitted: bool = False,
+) -> tuple[dict[str, Any], float | None]:
+    """Return temperature, unless probabilities are fitted already, and loss, unless it is known."""
+    if not samples:
+        return {}, loss
+    temperature = card.temperature if fitted else sample_temperature(card, samples, scores)
+    if loss is None:
+        loss = sample_loss(card, samples, scores, temperature)
+    return {} if fitted else {"temperature": temperature}, loss
 
 
 def _left_out(

@@ -1,27 +1,30 @@
-"""Make Lightning's Trainer: flags, callbacks, no advertisements."""
+"""Make Lightning's Trainer (flags, callbacks, no advertisements) and let it take the steps."""
 
 import logging
 import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import torch
 from lightning import Callback, LightningModule, Trainer
 from lightning.fabric.plugins import TorchCheckpointIO
-from lightning.pytorch.callbacks import ModelCheckpoint, Timer
+from lightning.pytorch.callbacks import Checkpoint, ModelCheckpoint
 from lightning.pytorch.callbacks import ProgressBar as LightningProgressBar
 from lightning.pytorch.loggers import Logger
+from lightning.pytorch.trainer.states import TrainerStatus
 
+from tex_lightning.classifier.card import SUFFIX
 from tex_lightning.config import TrainerConfig
 from tex_lightning.config.instantiation import build, build_derived
 from tex_lightning.core.console import DEBUG, Screen, log_once
 from tex_lightning.core.files import write_atomically
-from tex_lightning.core.progress import Stage
+from tex_lightning.core.progress import Stage, hidden
+from tex_lightning.data.datamodule import SurfaceData
 from tex_lightning.errors import UserError, reason
-from tex_lightning.learning.module import REFRESH
+from tex_lightning.learning.module import REFRESH, SurfaceModule
 
 UNHELPFUL = (
     ".*does not have many workers.*",  # data is decoded already; workers rarely pay
@@ -32,6 +35,8 @@ UNHELPFUL = (
     ".*LeafSpec.*is deprecated.*",  # Lightning 2.6 with PyTorch 2.13, until Lightning follows
 )
 UNKNOWN_FLAG = re.compile(r"unexpected keyword argument '(\w+)'")
+BEST, LAST = "best", "last"  # epochs that are kept
+ONE_VALUE = "Expected more than 1 value per channel"  # PyTorch's words of batch normalisation
 LOGGERS = ("lightning", "lightning.pytorch", "lightning.fabric")
 
 log = logging.getLogger(__name__)
@@ -142,8 +147,10 @@ def make_trainer(
     working: Path,
     *,
     validated: bool,
-) -> tuple[Trainer, Timer, ModelCheckpoint | None]:
-    """Make the trainer, with its clock and, where it validates, the keeper of the best weights.
+) -> Trainer:
+    """Make the trainer, with the keepers of the last and, where it validates, of the best weights.
+
+    The latter, or else the former, is its first ``checkpoint_callback``.
 
     Args:
         settings: Flags of Lightning's Trainer, which count before those of this package.
@@ -157,10 +164,10 @@ def make_trainer(
     Raises:
         UserError: If a flag cannot be used.
     """
-    timer, keeper = Timer(), _keep(working, "best", "val/loss") if validated else None
     # not Lightning's save_last, which leaves out the epochs that are not the best; the last file
-    # holds the state of the keeper, which therefore comes first
-    keepers = [*([keeper] if keeper else []), _keep(working, "last", None)]
+    # holds the state of the keeper of the best, which therefore comes first
+    best = [_keep(working, BEST, "val/loss")] if validated else []
+    keepers = [*best, _keep(working, LAST, None)]
     flags = {
         "log_every_n_steps": min(10, fit["steps_per_epoch"]),
         "limit_val_batches": 1.0 if validated else 0,
@@ -185,7 +192,7 @@ def make_trainer(
         trainer = Trainer(
             **flags,
             plugins=[CheckpointFiles()],
-            callbacks=[timer, *keepers, *callbacks],
+            callbacks=[*keepers, *callbacks],
             logger=[*loggers],
             use_distributed_sampler=False,  # every process knows its share of a batch
             default_root_dir=working.parents[1],
@@ -198,7 +205,7 @@ def make_trainer(
             f"Lightning's Trainer rejects a flag of trainer: {reason(error)}; correct that "
             f"flag{ours}."
         ) from error
-    return trainer, timer, keeper
+    return trainer
 
 
 def build_callbacks(nodes: Mapping[str, Any], flags: Mapping[str, Any]) -> list[Callback]:
@@ -223,3 +230,83 @@ def _keep(working: Path, name: str, monitor: str | None) -> ModelCheckpoint:
         enable_version_counter=False,
         auto_insert_metric_name=False,
     )
+
+
+def find_resumable(working: Path) -> Path | None:
+    """Return the checkpoint of the last finished epoch, to go on from; None if there is none.
+
+    Raises:
+        UserError: If it is damaged.
+    """
+    last = working / f"{LAST}{SUFFIX}"
+    if not last.is_file():
+        return None
+    try:
+        torch.load(last, map_location="cpu", weights_only=True)
+    except Exception as error:  # damage shows in as many ways as there are formats
+        raise UserError(
+            f"Checkpoint {last} is damaged; delete {working} to train this network anew."
+        ) from error
+    return last
+
+
+def fit_network(
+    trainer: Trainer, module: SurfaceModule, data: SurfaceData, resumed: Path | None
+) -> None:
+    """Take the steps, from the start or from a checkpoint on.
+
+    Raises:
+        UserError: If batches are too small for batch normalisation.
+        KeyboardInterrupt: If the user stopped it.
+    """
+    bar = trainer.progress_bar_callback
+    try:
+        with nullcontext() if bar is None or isinstance(bar, ProgressBar) else hidden():
+            # The folder holds only this package's own checkpoints of plain values and tensors.
+            trainer.fit(module, datamodule=data, ckpt_path=resumed, weights_only=True)
+    except ValueError as error:
+        if ONE_VALUE not in str(error):
+            raise
+        raise UserError(
+            "Batch normalisation takes more than one position of a batch; raise "
+            f"model.{module.kind}.fit.batch_size, or set norm=none of what is trained."
+        ) from error
+    except SystemExit as stop:  # Lightning's answer to Ctrl-C
+        raise KeyboardInterrupt from stop
+    if trainer.state.status == TrainerStatus.INTERRUPTED:
+        raise KeyboardInterrupt
+
+
+def take_best(module: SurfaceModule, keeper: Checkpoint | None) -> float | None:
+    """Load the weights of the best validation loss, where it was computed, and return it.
+
+    Args:
+        module: Trained, on the CPU.
+        keeper: The trainer's first ``checkpoint_callback``.
+
+    Raises:
+        UserError: If the weights are NaN or infinite.
+    """
+    loss = None
+    if isinstance(keeper, ModelCheckpoint) and keeper.monitor and keeper.best_model_path:
+        # there is none of no epoch
+        best = torch.load(keeper.best_model_path, map_location="cpu", weights_only=True)
+        if not _is_finite(module):
+            log.warning(
+                "Training of the %s network diverged; its weights are those of epoch %d, the best "
+                "one. Lower model.%s.fit.learning_rate.",
+                module.kind, best["epoch"] + 1, module.kind,
+            )  # fmt: skip
+        module.load_state_dict(best["state_dict"])
+        loss = float(cast(torch.Tensor, keeper.best_model_score))
+    if not _is_finite(module):
+        raise UserError(
+            f"Training of the {module.kind} network diverged, its weights are NaN or infinite; "
+            f"lower model.{module.kind}.fit.learning_rate."
+        )
+    module.float()  # whatever it was trained in
+    return loss
+
+
+def _is_finite(module: SurfaceModule) -> bool:
+    return all(bool(value.isfinite().all()) for value in module.state_dict().values())

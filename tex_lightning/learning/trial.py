@@ -1,8 +1,7 @@
 """Checks of what a training makes, before work: settings, weights and every class of a user's."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from torch import Tensor
 
@@ -10,16 +9,16 @@ from tex_lightning.baselines.classifier import BaselineClassifier
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.trial import BATCH, check_baseline, try_parts
-from tex_lightning.config import Config, ModelConfig
+from tex_lightning.config import Config
 from tex_lightning.config.instantiation import OWN
 from tex_lightning.config.model import FUSION
+from tex_lightning.core.run_folder import checkpoint_of
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
 from tex_lightning.learning.loggers import open_loggers
-from tex_lightning.learning.module import SurfaceModule
+from tex_lightning.learning.module import SurfaceModule, make_module
 from tex_lightning.learning.start import start_trunk
-from tex_lightning.learning.train import checkpoint_of, make_module
 from tex_lightning.learning.trainer import (
     build_callbacks,
     make_trainer,
@@ -80,12 +79,12 @@ def _try_sense(config: Config, card: Card, source: str | None) -> Sense:
 
 
 def try_custom_parts(
-    model: ModelConfig, card: Card, senses: Sequence[Sense], recordings: Recordings, store: Store
+    config: Config, card: Card, senses: Sequence[Sense], recordings: Recordings, store: Store
 ) -> None:
     """Train the senses with custom parts on two recordings, as in the run.
 
     Args:
-        model: Settings of the training.
+        config: Configuration of the training.
         card: Card of the model, for the classes of the data.
         senses: Senses of the model.
         recordings: Decoded recordings.
@@ -94,30 +93,27 @@ def try_custom_parts(
     Raises:
         UserError: If a part does not keep its contract.
     """
+    model = config.model
     for sense in senses if model.baseline is None else ():
-        fit, name = model.fit_values(sense.name), sense.name
-        builtin = sense.is_builtin and fit.get("augmentation") is None
+        name, augmentation = sense.name, model.fit_values(sense.name).get("augmentation")
+        builtin = sense.is_builtin and augmentation is None
         if not builtin and name not in model.checkpoints:
-            try_sense(card.of([name]), fit, model.sense(name).fit.piece, recordings, store)
+            try_sense(make_module(config, card.of([name])), recordings, store)
 
 
-def try_sense(
-    card: Card, fit: Mapping[str, Any], piece: int, recordings: Recordings, store: Store
-) -> None:
+def try_sense(module: SurfaceModule, recordings: Recordings, store: Store) -> None:
     """Train one sense with custom parts on two recordings, save and load it.
 
     Args:
-        card: Its card, for the classes of the data.
-        fit: The settings of its training.
-        piece: Length or side of the pieces that it is trained on.
+        module: Module that trains it, for the classes of the data.
         recordings: Decoded recordings.
         store: Store of the decoded recordings.
 
     Raises:
         UserError: If a part does not keep its contract.
     """
-    module = SurfaceModule(card, dict(fit), 0, {card.kind: piece})
-    classifier, rebuilt = module.classifier, _rebuilt(module.classifier)
+    classifier, piece = module.classifier, module.pieces[module.kind]
+    rebuilt, fit = _rebuilt(classifier), module.fit_config
     try_parts(classifier, rebuilt, fit, piece, recordings, store, module.change)
 
 

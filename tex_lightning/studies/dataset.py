@@ -21,8 +21,8 @@ from tex_lightning.data.recordings import Recording, Recordings, one_name
 from tex_lightning.data.store import Store, Unusable, cache_root, list_files
 from tex_lightning.errors import UserError, listed
 from tex_lightning.evaluation.conditions import Bins, condition_bins
+from tex_lightning.learning.leaks import as_trained, is_own, refuse_leak
 from tex_lightning.senses.base import Sense
-from tex_lightning.studies.leaks import as_trained, is_own, refuse_leak
 
 MAX_KINDS, MAX_NOTES = 5, 5  # ways of reading, and notes of files, that the opening lists
 log = logging.getLogger(__name__)

@@ -18,6 +18,7 @@ from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.progress import track
 from tex_lightning.core.ranks import is_rank_zero
+from tex_lightning.core.run_folder import checkpoint_of
 from tex_lightning.evaluation.conditions import pool_conditions
 from tex_lightning.evaluation.metrics import figures, metrics_in, pooled_metrics
 from tex_lightning.evaluation.novelty import pool_unknown
@@ -28,7 +29,6 @@ from tex_lightning.evaluation.outcomes import (
     write_results,
 )
 from tex_lightning.learning.loggers import open_loggers
-from tex_lightning.learning.train import checkpoint_of
 from tex_lightning.report.errors import keep_samples
 from tex_lightning.report.gallery import sample_pieces
 from tex_lightning.report.table import print_results

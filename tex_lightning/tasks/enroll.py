@@ -20,11 +20,11 @@ from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.errors import UserError, listed
 from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.learning.enrolment import add_classes
+from tex_lightning.learning.leaks import digests
 from tex_lightning.learning.statistics import position_features
 from tex_lightning.studies.dataset import Dataset, open_store
 from tex_lightning.studies.description import show_opening
 from tex_lightning.studies.evaluate_checkpoint import results_frame
-from tex_lightning.studies.leaks import digests
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:

@@ -1,0 +1,100 @@
+"""One training: what it writes on the card, in which order its hooks run, and both doors to it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+from lightning import Callback
+from omegaconf import OmegaConf
+
+from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.config import Config
+from tex_lightning.config.composition import compose_config, read_config
+from tex_lightning.core.run_folder import checkpoint_of
+from tex_lightning.learning.train import train_networks
+from tex_lightning.studies.dataset import Dataset
+from tex_lightning.studies.fold import open_training, train_model
+
+
+def opened(run: Path, folder: Path) -> tuple[Config, Dataset]:
+    """The configuration of a run, and its recordings opened anew, without what it would log."""
+    overrides = OmegaConf.load(run / ".hydra" / "overrides.yaml")
+    config = replace(read_config(compose_config(overrides)), logger={}, callbacks={})
+    return config, open_training(config, folder)
+
+
+def weights(classifier: SurfaceClassifier) -> dict[str, torch.Tensor]:
+    return {name: value.clone() for name, value in classifier.state_dict().items()}
+
+
+def same(one: dict[str, torch.Tensor], other: dict[str, torch.Tensor]) -> bool:
+    return one.keys() == other.keys() and all(torch.equal(one[key], other[key]) for key in one)
+
+
+def test_a_model_is_trained_without_a_run_folder_as_a_command_does(fused, tmp_path):
+    found = train_model(*opened(fused, tmp_path), tmp_path)
+    expected = load_classifier(checkpoint_of(fused, "fusion"))
+    assert same(weights(found), weights(expected))
+    apart = {"fit_seconds": 0.0}
+    cards = [replace(x.card, training={**x.card.training, **apart}) for x in (found, expected)]
+    assert cards[0] == cards[1]
+    assert {path.name for path in tmp_path.iterdir()} == {"checkpoints"}
+    names = {path.name for path in (tmp_path / "checkpoints").iterdir()}
+    assert names == {"haptic.ckpt", "visual.ckpt", "fusion.ckpt"}
+
+
+@pytest.mark.parametrize("model", ["experiment=few/haptic", "model=mfcc_nb"])
+def test_the_result_adds_nothing_to_the_recipe_but_calibration_and_training(
+    run_once, tiny, model, tmp_path
+):
+    config, dataset = opened(run_once(model, *tiny), tmp_path)
+    parts = dataset.parts(config.data)
+    known = {config.model.kind: {"crossval": {"correct": 1, "test_samples": 2}}}
+    ((training, classifier),) = train_networks(
+        config, dataset.classes, parts, dataset.store, tmp_path, known=known
+    )
+    recipe, result = training.card, classifier.card
+    assert (recipe.calibration, recipe.training) == ({}, known[config.model.kind])
+    assert len(recipe.trained_on["seen"]) == len([*parts.train, *parts.val])
+    assert replace(result, calibration={}, training=recipe.training) == recipe
+    assert result.training["crossval"] == recipe.training["crossval"]
+    assert result.training["fit_seconds"] > 0
+    assert result.training["val_loss"] >= 0
+    assert load_classifier(training.final).card == result
+
+
+class Spy(Callback):
+    """A user's callback that sees the network, and changes it once it is trained."""
+
+    def __init__(self) -> None:
+        self.seen: dict[str, dict[str, torch.Tensor]] = {}
+
+    def setup(self, trainer, module, stage) -> None:
+        self.seen["setup"] = weights(module.classifier)
+
+    def on_fit_end(self, trainer, module) -> None:
+        self.seen["end"] = weights(module.classifier)
+        for buffer in module.classifier.network.buffers():
+            if buffer.is_floating_point():
+                buffer.mul_(2)
+
+
+def test_the_first_weights_come_before_and_statistics_after_the_callbacks(bands, tmp_path):
+    config, dataset = opened(bands, tmp_path)
+    parts, rest = dataset.parts(config.data), (dataset.store, tmp_path / "as it is")
+    ((training, plain),) = train_networks(config, dataset.classes, parts, *rest)
+    spy = Spy()
+    watched = replace(training, directory=tmp_path / "watched", watchers=[spy]).run()
+    fitted = {key: x for key, x in weights(plain).items() if not key.startswith("statistics.")}
+    assert same(spy.seen["setup"], fitted)  # of a fit in closed form nothing is left to do
+    assert same(spy.seen["end"], fitted)
+    kept = load_classifier(Path(tmp_path, "watched", "checkpoints", "haptic.ckpt"))
+    assert same(weights(kept), weights(watched))
+    assert not same(weights(kept), weights(plain))
+    row = parts.train.rows[0]
+    recording = torch.from_numpy(dataset.store.load(row).copy())
+    mean = watched.embedding("haptic", recording).mean(dim=1)
+    rows, features = watched.trained_embeddings["haptic"]
+    torch.testing.assert_close(features[rows.index(row)], mean)  # of the weights as changed
