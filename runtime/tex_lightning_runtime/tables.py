@@ -1,7 +1,7 @@
 """Signals in files of text as people and programs write them, to samples (axes, samples).
 
 Separator and quotes are found by clevercsv, an unusual encoding by chardet; numbers and times are
-read by pandas. :mod:`.columns` says what a column means. The libraries are loaded with
+read by pandas. :mod:`.column` says what a column means. The libraries are loaded with
 the first table.
 """
 
@@ -16,15 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tex_lightning_runtime.columns import Column, Reading, separate
-from tex_lightning_runtime.layout import (
-    MISSING,
-    NUMBER,
-    QUANTITY,
-    Layout,
-    find_layout,
-    mismatch,
-)
+from tex_lightning_runtime.cells import MISSING, NUMBER, QUANTITY
+from tex_lightning_runtime.column import Column
+from tex_lightning_runtime.columns import Reading, separate
+from tex_lightning_runtime.heading import mismatch
+from tex_lightning_runtime.layout import Layout, find_layout
 from tex_lightning_runtime.plain_text import read_plain
 from tex_lightning_runtime.samples import Array, Channels
 from tex_lightning_runtime.times import STAMP, TableError
@@ -78,12 +74,13 @@ def _library(name: str) -> ModuleType:
 
 
 def _parse(pandas: ModuleType, content: bytes, layout: Layout) -> "pd.DataFrame":
+    dialect = layout.dialect
     try:
         with warnings.catch_warnings(action="ignore"):  # of cells of text between numbers
             frame = pandas.read_csv(
-                BytesIO(content), header=None, sep=layout.pandas_separator, quotechar=layout.quote,
-                decimal=layout.decimal, thousands=layout.thousands, na_values=[*MISSING],
-                dtype=layout.words, skipinitialspace=True,
+                BytesIO(content), header=None, sep=dialect.pandas_separator,
+                quotechar=dialect.quote, decimal=layout.decimal, thousands=layout.thousands,
+                na_values=[*MISSING], dtype=layout.words, skipinitialspace=True,
             )  # fmt: skip
     except pandas.errors.ParserError as error:
         if found := FIELDS.search(str(error)):

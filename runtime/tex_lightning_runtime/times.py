@@ -31,7 +31,7 @@ SHORT = ("s", "ms", "us", "ns", "min", "h", "d")  # what a message proposes
 EPOCH = (9e8, 4.2e9)  # seconds since 1970: 1998 to 2103
 DAY = 86_400.0
 EVEN = 0.01  # of a step, up to which samples stay as they are
-MISSING = 2.5  # steps, above which samples are missing; times rounded to few digits reach 2
+GAP = 2.5  # steps, above which samples are missing; times rounded to few digits reach 2
 LARGE_GAP = 10  # steps, from which on it is said
 MAX_FILLED = 2  # times as many samples, beyond which most of a recording would be made up
 MAX_DRIFT = 0.05  # of the duration, by which repeated times may lie beside even ones
@@ -140,7 +140,7 @@ def even_samples(times: Array, samples: Array) -> Even:
         )
     if not (steps > 0).all():
         return _repeated(times, samples)
-    gaps = steps > MISSING * np.median(steps)
+    gaps = steps > GAP * np.median(steps)
     step = float(steps[~gaps].mean())
     count = round(float(times[-1] - times[0]) / step) + 1
     largest, notes = float(steps.max()), tuple[str, ...]()

@@ -1,0 +1,112 @@
+"""The cells of a table: how lines are divided, and what stands in a cell or column.
+
+That is nothing, a number, a date or clock time, or text.
+"""
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from tex_lightning_runtime.times import STAMP
+
+NO_SEPARATOR = "\x1f"  # where there is one column
+MISSING = {
+    "", "nan", "NaN", "null", "NULL", "none", "None", "na", "NA", "n/a", "N/A", "#N/A", "<NA>", "-",
+    "--", "---",
+}  # fmt: skip
+NUMBER = re.compile(
+    r"[-+]?(\d[\d.,'’ \u00a0\u202f]*|[.,]\d+)([eE][-+]?\d+)?|[-+]?inf(inity)?", re.I
+)
+QUANTITY = re.compile(rf"({NUMBER.pattern})\s*(?P<unit>[^\W\d_][^\d\s,;]{{0,5}}\d?|%|°\w?)", re.I)
+THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+")
+POINTS = re.compile(r"[-+]?[1-9]\d{0,2}(\.\d{3})+")
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How the lines of a table are divided.
+
+    Attributes:
+        separator: Of columns; a blank stands for any white space.
+        quote: Around cells.
+    """
+
+    separator: str
+    quote: str = '"'
+
+    @property
+    def pandas_separator(self) -> str:
+        """The separator as pandas takes it."""
+        return r"\s+" if self.separator == " " else self.separator
+
+    def cells(self, line: str) -> list[str]:
+        """Divide a line."""
+        if self.separator == " ":
+            return line.replace(self.quote, "").split()
+        if self.separator == NO_SEPARATOR:
+            return [line.strip().strip(self.quote)]
+        reader = csv.reader(
+            [line], delimiter=self.separator, quotechar=self.quote, skipinitialspace=True
+        )
+        return [cell.strip() for cell in next(reader, [])]
+
+
+def kind(cell: str) -> str:
+    """Return what a cell holds: nothing, a number, a date or clock time, or text."""
+    if cell in MISSING:
+        return ""
+    if STAMP.fullmatch(cell):
+        return "stamp"
+    return "number" if NUMBER.fullmatch(cell) or QUANTITY.fullmatch(cell) else "text"
+
+
+class Kinds:
+    """What the columns of a table hold, by some of its rows."""
+
+    def __init__(self, rows: Sequence[Sequence[str]]) -> None:
+        self.rows = rows
+        counts = [Counter(map(kind, column)) for column in zip(*rows, strict=True)]
+        self.kinds = [self._usual(count) for count in counts]
+        self.count = next((n for n in range(len(counts), 0, -1) if self.kinds[n - 1]), 0)
+
+    @staticmethod
+    def _usual(count: Counter[str]) -> str:
+        for name in ("number", "stamp", "text"):
+            if count[name] and count[name] >= 0.5 * (count.total() - count[""]):
+                return name
+        return "text" if count.total() > count[""] else ""
+
+    @property
+    def numeric(self) -> bool:
+        """Whether any column holds numbers."""
+        return "number" in self.kinds
+
+    def fit(self, cells: Sequence[str]) -> bool:
+        """Return whether cells are a whole row of the table."""
+        if not self.count <= len(cells) <= len(self.kinds):
+            return False
+        found = [kind(cell) for cell in cells]
+        pairs = [*zip(found, self.kinds, strict=False)]
+        whole = all(one in ("", other) for one, other in pairs if other in ("number", "stamp"))
+        return whole and any(one == other == "number" for one, other in pairs)
+
+
+def decimal_mark(cells: Sequence[str]) -> tuple[str, str | None]:
+    """Return the decimal mark and that of thousands, if there is one."""
+    commas = [cell for cell in cells if "," in cell]
+    if both := [cell for cell in commas if "." in cell]:
+        return (",", ".") if both[0].rindex(",") > both[0].rindex(".") else (".", ",")
+    if not commas:
+        points = any(POINTS.fullmatch(cell) and cell.count(".") > 1 for cell in cells)
+        return (",", ".") if points else (".", None)
+    grouped = all(map(THOUSANDS.fullmatch, commas))
+    small = [cell for cell in cells if cell not in commas]
+    if any(cell.count(",") > 1 for cell in commas) or (
+        grouped
+        and small
+        and all(len(re.split(r"[.e]", cell)[0].lstrip("+-")) < 4 for cell in small)
+    ):
+        return ".", ","
+    return ",", None

@@ -1,0 +1,208 @@
+"""What a column of a table means, by its name: time, an axis, or neither.
+
+An index, a counter, an id and a label are left out, as is text; a rising column is time only if
+its name says so. Without names all numbers are axes.
+"""
+
+import re
+import unicodedata
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tex_lightning_runtime.samples import Array
+from tex_lightning_runtime.times import (
+    ONLY_DATE,
+    STAMP,
+    UNITS,
+    TableError,
+    ask_unit,
+    number_seconds,
+    stamp_seconds,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TIMES = {  # one of them makes a column one of time
+    "time", "times", "timestamp", "timestamps", "datetime", "zeit", "zeiten", "zeitstempel",
+    "uhrzeit", "temps", "tiempo", "tempo", "tijd", "czas", "epoch", "epoc", "elapsed", "时间",
+    "時間", "время",
+}  # fmt: skip
+OF_TIME = {  # a name is one of time if all of its words are such
+    *TIMES, *UNITS, "t", "date", "clock", "stamp", "unix", "ts", "since", "start", "boot", "utc",
+    "system", "relative", "header", "field", "local", "in",
+} - {"s", "d", "h", "min"}  # fmt: skip
+NO_TIMES = {"flight", "constant", "delta", "diff", "dt", "exposure", "integration", "response"}
+INDICES = {
+    "index", "idx", "counter", "cnt", "seq", "sequence", "packet", "packets", "packetcounter",
+}  # fmt: skip
+NUMBERS = {"number", "num", "no", "nr", "count", "counts", "n", "i"}
+COUNTED = {"sample", "samples", "row", "rows", "line", "frame", "frames", "record", "step", "point"}
+LABELS = {"label", "labels", "class", "target", "activity", "category", "annotation", "groundtruth"}
+STATES = {  # whole numbers so called are no measurement
+    "surface", "material", "terrain", "texture", "user", "subject", "participant", "person",
+    "trial", "session", "run", "group", "fold", "experiment", "series", "measurement", "event",
+    "marker", "repetition", "rep", "block",
+}  # fmt: skip
+IDS = {"id", "ids", "uid", "uuid", "guid"}
+NO_UNITS = re.compile(
+    r"[-+\d:]*|utc|gmt|unix|epoch|txt|local|n|hh.*|yyyy.*|mm.*|dd.*|iso.*|since.*"
+)
+USUAL = 0.9  # of the steps of a counter, which may begin anew or miss some
+UNNAMED = re.compile(r"(unnamed: \d+(_level_\d+)?(\.\d+)?)?")
+
+
+@dataclass(eq=False)
+class Column:
+    """One column of a table.
+
+    Attributes:
+        name: Its name, or its number from 1.
+        unit: Its cell in a row of units.
+        values: Numbers (samples,), or cells of text.
+        named: Whether the table has names.
+        first: Whether it is the first one.
+        fault: A cell of text in a column of numbers, and its place.
+    """
+
+    name: str
+    unit: str
+    values: "pd.Series[Any]"
+    named: bool = True
+    first: bool = False
+    fault: str = ""
+    words: tuple[str, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.words = split_words(self.name.partition("(")[0].partition("[")[0])
+
+    @property
+    def is_text(self) -> bool:
+        """Whether its cells are text."""
+        return self.values.dtype.kind not in "iuf"
+
+    @property
+    def is_stamp(self) -> bool:
+        """Whether its cells are dates or clock times."""
+        return self.is_text and _is(STAMP, self.values.iloc[0])
+
+    @property
+    def units(self) -> list[str]:
+        """Units that name and row of units state, in small letters."""
+        stated = [*re.findall(r"[(\[]([^)\]]*)[)\]]", self.name), self.unit.strip("()[] ")]
+        if "/" in self.name:
+            stated.append(self.name.rpartition("/")[2])
+        return [each for each in map(_plain, stated) if each]
+
+    @property
+    def is_time(self) -> bool:
+        """Whether its name, or its cells if there are no names, say that it is of time."""
+        if self.is_stamp:
+            return not _is(ONLY_DATE, self.values.iloc[0])
+        words, units = {*self.words}, {*UNITS} - {*self.words[:1]}
+        if self.is_text or not self.named or words & NO_TIMES:
+            return False
+        if words - units == {"t"}:  # or a temperature
+            return all(unit in UNITS for unit in self.units) and self._rises()
+        return bool(words & TIMES) or (bool(words) and words <= OF_TIME and self._rises())
+
+    def reason(self) -> str:
+        """Return why it is no axis; "" if it is one."""
+        words = {*self.words} if self.named else set()
+        if self.named and UNNAMED.fullmatch(self.name.casefold()) and self.first:
+            return "index"
+        if words & IDS:
+            return "id"
+        if words & {"label", "labels"}:
+            return "label"
+        if self.is_text:
+            return "" if self.fault else "date" if self.is_stamp else "text"
+        if not self.named:
+            return ""
+        if words & {"dt"} or {"delta", "t"} <= words:
+            return "steps of time"
+        few = max(1, len(self.values) // 10)
+        if (
+            (words and words <= LABELS | STATES)
+            and self._is_whole()
+            and self.values.nunique() <= few
+        ):
+            return "label"
+        return "counter" if self._counts() else ""
+
+    def _is_whole(self) -> bool:
+        return self.values.dtype.kind in "iu" or bool((self.values % 1 == 0).all())
+
+    def _rises(self) -> bool:
+        steps = np.diff(np.asarray(self.values))
+        return bool((steps >= 0).all() and steps.any())
+
+    def _counts(self) -> bool:
+        """Whether whole numbers are called and go up as those of a counter, or all stay."""
+        words = {*self.words}
+        called = self.name == "#" or words & (INDICES | NUMBERS | COUNTED)
+        if not called or not self._is_whole():
+            return False
+        steps = np.diff(np.asarray(self.values, np.float64))
+        if words & INDICES:  # several samples may have one number, and counters begin anew
+            return not len(steps) or float((steps >= 0).mean()) > USUAL
+        if not len(steps):
+            return False
+        usual = np.median(steps)
+        if not words <= NUMBERS | COUNTED | STATES | LABELS | {"of", "sub", "logging"}:
+            return False
+        return bool((steps == usual).mean() > USUAL and (usual > 0 or not steps.any()))
+
+    def seconds(self, time_unit: str | None) -> Array:
+        """Return the times in seconds since the first.
+
+        Raises:
+            TableError: If they cannot be understood.
+        """
+        if self.is_text:
+            try:
+                return stamp_seconds(self.values)
+            except (ValueError, OverflowError) as error:
+                raise TableError(
+                    f"has {self.values.iloc[0]!r} in the column {self.name!r}, and not all of its "
+                    "cells can be read as such times; write them as 2026-03-01T10:00:00.000"
+                ) from error
+        unit = UNITS[time_unit] if time_unit else self._unit()
+        values = np.asarray(self.values)
+        if len(self.values) and not np.isfinite(values).all():
+            raise missing(self, int(np.isfinite(values).argmin()))
+        return number_seconds(values, unit, self.name)
+
+    def _unit(self) -> float | None:
+        """Return the unit of a time in seconds as name and row of units have it; None if not."""
+        for unit in self.units:
+            if unit in UNITS:
+                return UNITS[unit]
+            if not NO_UNITS.fullmatch(unit) and not {*split_words(unit)} <= OF_TIME:
+                raise ask_unit(self.name, f"whose unit {unit!r} is not known")
+        return next((UNITS[word] for word in reversed(self.words) if word in UNITS), None)
+
+
+def split_words(name: str) -> tuple[str, ...]:
+    """Return the words of a name in small letters, and its numbers: ``accX_2`` has three."""
+    plain = unicodedata.normalize("NFKC", name)
+    parts = re.sub(r"(?<=[a-zµμ])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", plain)
+    return tuple(re.findall(r"[^\W\d_]+|\d+", parts.casefold()))
+
+
+def _plain(unit: str) -> str:
+    return unicodedata.normalize("NFKC", unit).casefold().strip(" .")
+
+
+def _is(pattern: re.Pattern[str], cell: object) -> bool:
+    return isinstance(cell, str) and pattern.fullmatch(cell.strip()) is not None
+
+
+def missing(column: Column, place: int) -> TableError:
+    """Return the error for a cell without a number."""
+    return TableError(
+        f"has no number in the column {column.name!r} at sample {place}; repair the recording, or "
+        "choose other columns by data.channels"
+    )

@@ -1,0 +1,162 @@
+"""What stands above and below the numbers of a table: names, units, a rate, remarks."""
+
+import re
+from collections.abc import Sequence
+
+from tex_lightning_runtime.cells import THOUSANDS, Dialect, Kinds, kind
+from tex_lightning_runtime.resampling import MAX_RATE, MIN_RATE
+from tex_lightning_runtime.times import UNITS, TableError
+
+FOOTER = 10  # lines below the numbers
+COMMENT = re.compile(r"[ \t]*(?:#|%|//)[#%/ \t]*")
+WHOLE = re.compile(r"[-+]?\d+")
+AMOUNT = r"[\"']?[ \t:=,;]+[\"']?(?P<value>\d[\d.,]*(?:e[-+]?\d+)?)[\"']?[ \t,;(]*"
+RATE = re.compile(
+    r"(?:\bfs|\bsamp\w*[ _-]?(?:rate|freq\w*)|\babtast(?:rate|frequenz)|^\W*(?:rate|frequency))"
+    rf"(?:[ ]*[(\[](?P<before>\w+/?\w*)[)\]])?{AMOUNT}(?P<unit>k?hz|ks/s|k?sps|s/s)?",
+    re.IGNORECASE,
+)
+PERIOD = re.compile(
+    r"(?:\bsampl\w*[ _-]?(?:interval|period|time)|\bdelta_?x|\bdt)"
+    rf"(?:[ ]*[(\[](?P<before>[µμ\w]+)[)\]])?{AMOUNT}(?P<unit>[mµμun]?s\b)?",
+    re.IGNORECASE,
+)
+UNIT = re.compile(  # in a row of units
+    r"[(\[].*[)\]]|[mµμukM]?(V|A|g|N|Pa|Hz|T|G|W|K|s|m|ohm)|[cm]m|ns|sec|min|%|-|raw|a\.?u\.?|volts?"
+    r"|°\w*|((µ|μ|u|m|k|c)?(m|g|rad|deg|°)|dps|rpm|counts?|lsb|bits?|adc|digits?|seconds?)"
+    r"([/*]s(ec)?(\^?-?2|²|/s)?)?|sequence|gauss|tesla",
+)
+
+
+def read_heading(
+    above: list[str], dialect: Dialect, columns: Kinds, notes: list[str]
+) -> tuple[list[list[str]], float | None]:
+    """Return the lines of names and units directly above the numbers, the last one first."""
+    rows: list[list[str]] = []
+    for line in reversed(above):
+        commented, plain = bool(COMMENT.match(line)), COMMENT.sub("", line, count=1)
+        cells = _as_many(plain, dialect, columns.count)
+        if len(cells) == columns.count and any(kind(c) == "text" for c in cells):
+            stated = stated_rate(line) and not rows
+            if not stated and all(
+                kind(c) != "stamp" and not re.search(r"\d[.,]\d", c) for c in cells
+            ):
+                rows.append(cells)
+                continue
+        if rows:
+            break
+        if commented:
+            continue
+        numbers = [kind(cell) in ("number", "stamp") for cell in cells]
+        if all(numbers) and len(cells) == 1 and columns.count > 1:
+            return [], _lone_rate(cells[0], notes)
+        if all(numbers):
+            notes.append(f"an incomplete line of numbers is left out: {line.strip()[:40]!r}")
+        elif len(cells) > 1 and not any(numbers) and not stated_rate(line):
+            raise mismatch(len(cells), columns.count)
+        break
+    return rows, None
+
+
+def _as_many(line: str, dialect: Dialect, count: int) -> list[str]:
+    """Divide a line of names, which may be divided otherwise than the numbers."""
+    best: list[str] = []
+    if count == 1:  # a blank may stand in a name, and a unit behind a comma
+        return [part for part in re.split(r"[;\t]|,(?! )", line.strip()) if part]
+    for separator in (dialect.separator, ",", ";", "\t", " "):
+        cells = Dialect(separator, dialect.quote).cells(line)
+        while len(cells) > count and cells[-1].casefold() in ("", "comment"):
+            cells.pop()
+        best = best or cells
+        if len(cells) == count:
+            return cells
+    return best
+
+
+def names_and_units(heading: list[list[str]]) -> tuple[tuple[str, ...] | None, tuple[str, ...]]:
+    """Return names and units out of lines of them, the last one first."""
+    if not heading:
+        return None, ()
+    units: tuple[str, ...] = ()
+    if len(heading) > 1 and all(UNIT.fullmatch(cell) for cell in heading[0] if cell):
+        units, heading = tuple(heading[0]), heading[1:]
+    names = list(heading[0])
+    if len(heading) > 1 and len({*names}) < len(names):  # several levels, as pandas writes them
+        names = [f"{a} {b}".strip() for a, b in zip(heading[1], names, strict=True)]
+    return tuple(names), units
+
+
+def is_numbering(first: list[str], rows: Sequence[Sequence[str]]) -> bool:
+    """Return whether a line numbers the columns, 0,1,2, as pandas names them."""
+    named = first[1:] if first and not first[0] else first
+    if named == [*map(str, range(len(named)))] and named:
+        return len(named) > 2 or _are_fractions(rows)
+    return (
+        len(named) > 1 and named == [*map(str, range(1, len(named) + 1))] and _are_fractions(rows)
+    )
+
+
+def _are_fractions(rows: Sequence[Sequence[str]]) -> bool:
+    return all(re.search(r"[.,e]", cell, re.IGNORECASE) for row in rows for cell in row[-1:])
+
+
+def is_rate(first: list[str], rows: Sequence[Sequence[str]]) -> bool:
+    """Return whether a whole number above one column of fractions is far beyond them."""
+    if len(first) != 1 or not WHOLE.fullmatch(first[0]) or not _are_fractions(rows):
+        return False
+    largest = max(abs(float(row[0].replace(",", "."))) for row in rows if kind(row[0]) == "number")
+    return MIN_RATE <= float(first[0]) <= MAX_RATE and float(first[0]) > 10 * largest
+
+
+def _lone_rate(cell: str, notes: list[str]) -> float | None:
+    """Return a number that stands alone above the table, if it can be a rate."""
+    value = _amount(cell)
+    if value is not None and MIN_RATE <= value <= MAX_RATE:
+        return value
+    notes.append(f"the line {cell!r} above the numbers is left out")
+    return None
+
+
+def stated_rate(line: str) -> float | None:
+    """Return the rate in Hz that a line states, if it does."""
+    if (found := RATE.search(line)) and (value := _amount(found["value"])):
+        unit = (found["unit"] or found["before"] or "").casefold()
+        return value * (1000 if unit.startswith("k") else 1)
+    if (found := PERIOD.search(line)) and (value := _amount(found["value"])):
+        unit = (found["unit"] or found["before"] or "s").replace("µ", "μ").casefold()
+        return 1 / (value * UNITS[unit]) if unit in UNITS else None
+    return None
+
+
+def _amount(text: str) -> float | None:
+    plain = text.replace(",", "") if THOUSANDS.fullmatch(text) else text.replace(",", ".")
+    try:
+        return float(plain.rstrip("."))
+    except ValueError:
+        return None
+
+
+def without_footer(content: bytes, dialect: Dialect, columns: Kinds) -> tuple[bytes, list[str]]:
+    """Drop lines below the numbers, and a last one that is not whole."""
+    notes: list[str] = []
+    for _ in range(FOOTER):
+        whole = content.endswith(b"\n")
+        content = content.rstrip(b"\n \t")
+        begin = content.rfind(b"\n") + 1
+        line = content[begin:].decode(errors="replace")
+        cells = dialect.cells(line)
+        cut = not whole and not notes and cells and not re.search(r"[\d\w\"]$", cells[-1])
+        if columns.fit(cells) and not (cut and columns.kinds[len(cells) - 1] == "number"):
+            break
+        content = content[:begin]
+        if line.strip(" \t,;") and not COMMENT.match(line):
+            notes.append(f"the last line is no whole row and is left out: {line.strip()[:40]!r}")
+    return content + b"\n", notes
+
+
+def mismatch(names: int, columns: int) -> TableError:
+    """Return the error for a line of more or fewer names than there are columns."""
+    return TableError(
+        f"has {names} names and {columns} columns; give every column a name, and put # before "
+        "lines that are no names"
+    )
