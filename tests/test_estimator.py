@@ -199,6 +199,17 @@ def test_parameters_are_the_keys_of_hydra(strokes):
         tl.Estimator("few/haptics").fit(*strokes)
 
 
+def test_recordings_have_rates_of_their_own(fitted, strokes):
+    x, y = strokes
+    pairs = [(SLOW_RATE, row) if n % 2 else (row, SLOW_RATE) for n, row in enumerate(x)]
+    model = tl.Estimator().fit(pairs, y)
+    assert_same_weights(model, fitted)
+    assert (model.predict_proba(pairs) == fitted.predict_proba(x)).all()
+    faster = [(2 * SLOW_RATE, np.repeat(row, 2)) for row in x]
+    assert (fitted.predict(faster) == y).all()
+    assert (model.transform(pairs) == fitted.transform(x)).all()
+
+
 def test_what_is_wrong_is_one_sentence_and_a_value_error(fitted, strokes):
     x, y = strokes
     with pytest.raises(ValueError, match=r"haptic_0\.npy: The signal has 0\.01 s of movement"):
@@ -209,6 +220,10 @@ def test_what_is_wrong_is_one_sentence_and_a_value_error(fitted, strokes):
         fitted.predict([np.full(3000, np.nan)])
     with pytest.raises(ValueError, match=r"nowhere\.wav"):
         fitted.predict(["nowhere.wav"])
+    with pytest.raises(ValueError, match="give photos as uint8"):
+        clone(fitted).fit(np.zeros((12, 32, 32, 3)), y)
+    with pytest.raises(ValueError, match="give a list, of one path"):
+        fitted.predict("A.wav")
     with pytest.raises(ValueError, match="takes haptic and image; give them by name"):
         tl.Estimator("fusion", debug="tiny").fit(x, y)
 

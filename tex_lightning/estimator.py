@@ -41,14 +41,24 @@ from tex_lightning.core.progress import finishing
 from tex_lightning.core.ranks import joining
 from tex_lightning.core.run_folder import find_checkpoint
 from tex_lightning.data.own_defaults import settled
-from tex_lightning.data.readers.arrays import MANIFEST, Sample, is_table, samples_of, write_samples
+from tex_lightning.data.readers.arrays import (
+    MANIFEST,
+    Given,
+    Sample,
+    is_table,
+    samples_of,
+    with_rate,
+    write_samples,
+)
 from tex_lightning.data.recordings import one_name
 from tex_lightning.errors import InvalidInput, listed
+from tex_lightning.inference.prediction import Prediction
 from tex_lightning.inference.predictor import Predictor
 from tex_lightning.learning.train import checkpoint_of
 from tex_lightning.studies.fold import fit_fold, open_training
 from tex_lightning.tasks.enroll import enroll, open_new_classes
 from tex_lightning.tasks.export import export_classifier
+from tex_lightning_runtime.quality import Quality
 
 Array = npt.NDArray[Any]
 Floats = npt.NDArray[np.float64]
@@ -58,10 +68,10 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
     """A model of this package as a classifier of scikit-learn.
 
     ``X`` holds recordings: an array (recordings, samples) or (recordings, axes, samples), or a list
-    of (samples,) or (axes, samples) of any lengths, of paths, or of photos (height, width, 3)
-    uint8. Of several modalities it is ``{"haptic": […], "image": […]}``, a list of such
-    dictionaries, one for each sample, or a table of pandas with a column for each; these two can be
-    divided by scikit-learn. At least two classes are needed.
+    of (samples,) or (axes, samples) of any lengths, of pairs of these and their rate in Hz, of
+    paths, or of photos (height, width, 3) uint8. Of several modalities it is ``{"haptic": […],
+    "image": […]}``, a list of such dictionaries, one for each sample, or a table of pandas with a
+    column for each; these two can be divided by scikit-learn. At least two classes are needed.
 
     Args:
         model: A preset (``few/haptic``, an ``experiment``) or a model (``haptic``) by its name.
@@ -173,7 +183,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             classifier = self.predictor_.classifier
             rows = []
             for sample in samples:
-                decoded = self.predictor_.decoded(sample, rate=self.rate)
+                decoded = self._decoded(sample)
                 classifier.require(decoded)
                 parts = [
                     classifier.embedding(name, decoded[sense.modality][0]).mean(dim=1)
@@ -204,7 +214,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         with self._using(X) as samples:
             classifier, found = self.predictor_.classifier, []
             for sample in samples:
-                decoded = self.predictor_.decoded(sample, rate=self.rate)
+                decoded = self._decoded(sample)
                 found.append(
                     {
                         name: self._ordered(classifier, name, decoded[sense.modality][0])
@@ -318,8 +328,19 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         with self._working():
             yield self._samples(X, self.predictor_.card.modalities, reset=False)
 
-    def _predicted(self, sample: Sample) -> Any:  # noqa: ANN401
-        return self.predictor_.predict(rate=self.rate, **sample)
+    def _predicted(self, sample: Sample) -> Prediction:
+        recordings, rates = self._rated(sample)
+        return self.predictor_.predict(rate=rates, **recordings)
+
+    def _decoded(self, sample: Sample) -> dict[str, tuple[torch.Tensor, Quality]]:
+        recordings, rates = self._rated(sample)
+        return self.predictor_.decoded(recordings, rate=rates)
+
+    def _rated(self, sample: Sample) -> tuple[dict[str, Given], dict[str, float | None]]:
+        """Return recordings, and the rate of each that has one of its own or none."""
+        pairs = {name: with_rate(given) for name, given in sample.items() if given is not None}
+        rates = {name: self.rate if rate is None else rate for name, (_, rate) in pairs.items()}
+        return {name: given for name, (given, _) in pairs.items()}, rates
 
     def _samples(self, X: Any, modalities: Sequence[str], *, reset: bool) -> list[Sample]:  # noqa: ANN401
         """Return samples, and keep what scikit-learn wants to know of an array."""

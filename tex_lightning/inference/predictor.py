@@ -28,6 +28,7 @@ from tex_lightning.senses.base import Sense
 from tex_lightning_runtime.quality import Quality, together
 
 Input = str | Path | np.ndarray[Any, Any] | Tensor | list[Any] | None
+Rate = float | Mapping[str, float | None] | None
 TASK = "predict"
 SHOWN = 5  # classes that are named
 
@@ -95,13 +96,12 @@ class Predictor:
         check_unknown(self.card, bool(classifier.statistics))
         self._deciders: dict[tuple[str, ...], SurfaceClassifier] = {}
 
-    def predict(
-        self, *, rate: float | None = None, colour: str = "rgb", **recordings: Input
-    ) -> Prediction:
+    def predict(self, *, rate: Rate = None, colour: str = "rgb", **recordings: Input) -> Prediction:
         """Classify one sample; a FusionNet works with some of its senses.
 
         Args:
-            rate: Sampling rate in Hz of arrays, and of files without one; None is the checkpoint's.
+            rate: Sampling rate in Hz of arrays, and of files without one, of all or by modality;
+                None is the checkpoint's.
             colour: Order of the colours of an array, ``rgb`` or, as in OpenCV, ``bgr``.
             **recordings: Recordings by modality: ``haptic``, ``image``, ``sound`` or a user's own.
                 A signal is a file, or its samples: (samples,), (axes, samples) or (samples, axes)
@@ -157,7 +157,7 @@ class Predictor:
     def predict_many(
         self,
         *,
-        rate: float | None = None,
+        rate: Rate = None,
         colour: str = "rgb",
         **recordings: Sequence[Input],
     ) -> list[Prediction]:
@@ -194,7 +194,7 @@ class Predictor:
     def stream(
         self,
         *live: str,
-        rate: float | Mapping[str, float] | None = None,
+        rate: Rate = None,
         colour: str = "rgb",
         **photos: Input,
     ) -> LiveStream:
@@ -266,19 +266,21 @@ class Predictor:
         return self._deciders[senses]
 
     def decoded(
-        self, inputs: Mapping[str, Input], *, rate: float | None = None, colour: str = "rgb"
+        self, inputs: Mapping[str, Input], *, rate: Rate = None, colour: str = "rgb"
     ) -> dict[str, tuple[Tensor, Quality]]:
         """Return decoded recordings by modality, and what is wrong with them; see `predict`."""
         decoded: dict[str, tuple[Tensor, Quality]] = {}
         data = self.config.data
-        rate = data.file_rate if rate is None else rate
-        how: dict[str, Any] = {"rate": rate, "colour": colour}
-        how |= {"channels": data.channels, "time_unit": data.time_unit}
+        rates = rate if isinstance(rate, Mapping) else dict.fromkeys(inputs, rate)
+        how: dict[str, Any] = {"colour": colour, "channels": data.channels}
+        how["time_unit"] = data.time_unit
         for sense in self.classifier.senses.values():
             name = sense.modality
             if name in inputs and name not in decoded:
                 ranges = self.card.input_ranges.get(name, {})
-                decoded[name] = sense.decode_input(inputs[name], ranges, **how)
+                own = rates.get(name)
+                own = data.file_rate if own is None else own
+                decoded[name] = sense.decode_input(inputs[name], ranges, rate=own, **how)
         return decoded
 
 

@@ -13,11 +13,10 @@ import numpy as np
 from PIL import Image
 
 from tex_lightning.data.recordings import Recording, Recordings, write_manifest
-from tex_lightning.errors import UserError, listed
-from tex_lightning_runtime.photos import IMAGE_SUFFIXES
+from tex_lightning.errors import UserError, listed, shorten
 from tex_lightning_runtime.samples import as_trace
 
-Given = Any  # a path, or samples or pixels that NumPy can read
+Given = Any  # a path, samples or pixels that NumPy can read, or a pair of samples and their rate
 Sample = Mapping[str, Given]  # by modality; None is absent
 MANIFEST = "manifest.csv"
 
@@ -49,9 +48,9 @@ def samples_of(given: Any, modalities: Sequence[str]) -> list[Sample]:  # noqa: 
 
     Args:
         given: Recordings of the only modality: an array (samples, time), (samples, axes, time) or
-            (samples, height, width, 3), or a sequence of arrays and paths. Of several modalities a
-            dictionary of such, one dictionary for each sample, or a table of pandas with a column
-            for each modality.
+            (samples, height, width, 3), or a sequence of arrays, paths and pairs of samples and
+            their rate in Hz. Of several modalities a dictionary of such, one dictionary for each
+            sample, or a table of pandas with a column for each modality.
         modalities: Modalities that the model takes.
 
     Raises:
@@ -59,6 +58,8 @@ def samples_of(given: Any, modalities: Sequence[str]) -> list[Sample]:  # noqa: 
     """
     if hasattr(given, "columns") and {*map(str, given.columns)} <= {*modalities}:
         given = {str(name): given[name].tolist() for name in given.columns}
+    if isinstance(given, str | Path):
+        raise UserError(f"X is {shorten(given)}; give a list, of one path if there is one.")
     if isinstance(given, Mapping):
         return _by_modality({str(name): [*items] for name, items in given.items()}, modalities)
     items = [*given]
@@ -126,8 +127,21 @@ def _recordings(
 ) -> Iterator[Recording]:
     for modality, given in sample.items():
         if given is not None:
-            path = _file(given, modality, folder / f"{modality}_{number}")
-            yield Recording(label, modality, path.expanduser().resolve(), group)
+            samples, rate = with_rate(given)
+            path = _file(samples, modality, folder / f"{modality}_{number}")
+            yield Recording(label, modality, path.expanduser().resolve(), group, rate)
+
+
+def with_rate(given: Given) -> tuple[Given, float | None]:
+    """Return a recording and the rate in Hz of a pair, as SciPy and librosa read sounds.
+
+    The rate comes first or last; of what is no such pair it is None.
+    """
+    if isinstance(given, tuple) and len(given) == 2:
+        for rate, samples in (given, given[::-1]):
+            if np.ndim(rate) == 0 and np.ndim(samples) > 0 and not isinstance(rate, str | Path):
+                return samples, float(rate)
+    return given, None
 
 
 def _file(given: Given, modality: str, place: Path) -> Path:
@@ -135,15 +149,15 @@ def _file(given: Given, modality: str, place: Path) -> Path:
     if isinstance(given, str | Path):
         return Path(given)
     array = np.asarray(given)
-    if array.dtype == np.uint8 and (array.ndim == 3 or modality == "image"):
-        if array.ndim not in (2, 3) or array.shape[2:] not in ((), (3,)) or not array.size:
-            raise UserError(
-                f"{modality} has the shape {array.shape}; give photos (height, width, 3) or paths "
-                f"({', '.join(IMAGE_SUFFIXES)})."
-            )
-        file = place.with_suffix(".png")
-        Image.fromarray(array).save(file, compress_level=1)
+    if array.ndim != 3 and modality != "image":
+        file = place.with_suffix(".npy")
+        np.save(file, as_trace(given, modality), allow_pickle=False)
         return file
-    file = place.with_suffix(".npy")
-    np.save(file, as_trace(given, modality), allow_pickle=False)
+    if array.dtype != np.uint8 or array.ndim not in (2, 3) or array.shape[2:] not in ((), (3,)):
+        raise UserError(
+            f"{modality} is an array of {array.dtype} of the shape {array.shape}; give photos as "
+            "uint8 (height, width, 3), or as paths, and signals as (axes, samples)."
+        )
+    file = place.with_suffix(".png")
+    Image.fromarray(array).save(file, compress_level=1)
     return file
