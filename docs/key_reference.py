@@ -7,20 +7,26 @@ from omegaconf import OmegaConf
 
 from tex_lightning.config import Config
 from tex_lightning.config.composition import compose_config
-from tex_lightning.config.keys import Key, typed, walk
+from tex_lightning.config.keys import Key, typed
+from tex_lightning.config.nodes import walk
 from tex_lightning.report.table import markdown
 
 HEADINGS = ("key", "meaning", "choices or range, unit", "default")
 WIDTH = 60  # of a default
-MODELS = ("fusion", "sound")  # whose sections the default configuration leaves out
+MODELS = (
+    "fusion",
+    "sound",
+    "band_proportions",
+)  # whose sections the default configuration leaves out
 
 
 def reference() -> str:
     """Return a heading and a table in Markdown for each section of the configuration."""
     composed = [compose_config(), *(compose_config([f"model={name}"]) for name in MODELS)]
-    configs = [OmegaConf.to_container(config, resolve=False) for config in composed]
+    configs: list[Any] = [OmegaConf.to_container(config, resolve=False) for config in composed]
+    keys = {name: key for config in configs for name, key in walk(Config, config)}
     sections: dict[str, list[list[str]]] = {}
-    for name, key in walk(Config):
+    for name, key in keys.items():
         section = name.rpartition(".")[0]
         sections.setdefault(section, []).append(_row(name, key, configs))
     return "\n\n".join(

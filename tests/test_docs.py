@@ -21,13 +21,14 @@ from documentation import (
     package_arguments,
     sweep_jobs,
 )
+from omegaconf import OmegaConf
 from scipy.stats import binomtest
 
 import tex_lightning as tl
 from tex_lightning.config import Config
 from tex_lightning.config.composition import compose_config, read_config
-from tex_lightning.config.keys import walk
 from tex_lightning.config.names import as_typed
+from tex_lightning.config.nodes import walk
 from tex_lightning.report.table import paper_table
 
 FOUND = {
@@ -50,7 +51,11 @@ def test_a_command_of_the_documentation_composes(page, command):
 
 
 def test_keys_named_in_sentences_exist():
-    keys = {name for name, _ in walk(Config)} | {"model.visual.trunk.patch", "data.reader.split"}
+    keys = {
+        name
+        for model in ("fusion", "band_proportions", "minirocket", "visual_efficientnet")
+        for name, _ in walk(Config, OmegaConf.to_container(compose_config([f"model={model}"])))
+    } | {"data.reader.split"}
     opened = ("data.reader.folders.", "frontier.systems.", "trainer.KEY", "trainer.max_epochs")
     sections = "|".join({name.partition(".")[0] for name in keys if "." in name})
     wrong = []

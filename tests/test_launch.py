@@ -94,7 +94,7 @@ def compose_run_folder() -> str:
 @pytest.mark.parametrize(
     ("overrides", "said"),
     [
-        (["model.haptic.width=0"], r"choose from \(0, 8\]"),
+        (["model.haptic.width=0"], r"give a number in \(0, 8\]"),
         (["hydra.run.dir=/dev/null/run"], "run folder cannot be made"),
         (["-m", "seed=0,1"], "'-m' cannot be read; write key=value"),
         (["experiment=paper/all"], "are a sweep"),

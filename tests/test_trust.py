@@ -181,7 +181,7 @@ def test_sizes_of_a_baseline_are_plain_values_and_bounded(naive_bayes, tmp_path)
     for change, said in (
         ({"filters": attack(tmp_path / "ran")}, "without"),
         ({"_target_": "subprocess.Popen", "args": ["true"]}, "subprocess is not trusted"),
-        ({"window_seconds": 1e6}, "give windows and hops up to"),
+        ({"window_seconds": 1e6}, r"window_seconds is 1e\+06: give a number in \(0, 1\] s"),
     ):
         with pytest.raises(tl.UserError, match=said):
             tl.load(forged(naive_bayes, tmp_path, **change))

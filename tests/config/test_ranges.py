@@ -1,8 +1,9 @@
 """Whatever a key is given, it is taken or refused in one sentence."""
 
+import inspect
 import itertools
 import math
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass
 from typing import Any, get_args, get_type_hints
 
 import pytest
@@ -13,6 +14,10 @@ from tex_lightning.config.check import check_config
 from tex_lightning.config.composition import compose_config, read_config
 from tex_lightning.config.mistakes import MISTAKES, explain
 from tex_lightning.errors import UserError
+from tex_lightning.networks.hapticnet import HapticNet
+from tex_lightning.networks.trunks import Trunk
+from tex_lightning.networks.visualnet import VisualNet
+from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 HUGE = 10**30
 ABSURD: dict[type, list[Any]] = {
@@ -27,20 +32,29 @@ HARMLESS = {
 }
 
 
+PHOTO = inspect.signature(VisualNet), inspect.signature(Trunk)
+SIGNAL = inspect.signature(HapticNet), inspect.signature(SpectrogramFeatures)
+TAKEN = {"model.haptic.": SIGNAL, "model.sound.": SIGNAL, "model.visual.": PHOTO}
+OFFERED = ("classes", "sampling_rate")  # by the sense
+
+
 def numeric_keys(section: type = Config, prefix: str = "") -> list[tuple[str, type, bool]]:
     """Name, type and whether it is a list, of every key that takes numbers, by the annotations."""
     found = []
     hints = get_type_hints(section)
-    for each in fields(section):
-        kinds = {hints[each.name], *get_args(hints[each.name])}
+    for signature in TAKEN.get(prefix, ()):
+        taken = signature.parameters.items()
+        hints |= {name: each.annotation for name, each in taken if name not in OFFERED}
+    for key in hints:
+        kinds = {hints[key], *get_args(hints[key])}
         inner = {item for kind in kinds for item in get_args(kind)}
         number = next((kind for kind in (int, float) if kind in kinds | inner), None)
-        name = f"{prefix}{each.name}"
-        if is_dataclass(hints[each.name]):
-            found += numeric_keys(hints[each.name], f"{name}.")
+        name = f"{prefix}{key}"
+        if is_dataclass(hints[key]):
+            found += numeric_keys(hints[key], f"{name}.")
         elif number is not None:
-            found.append((name, number, any("list" in str(kind) for kind in kinds)))
-    return found
+            found.append((name, number, "Sequence" in str(kinds) or "list" in str(kinds)))
+    return sorted(found, key=str)
 
 
 @pytest.fixture(scope="module")

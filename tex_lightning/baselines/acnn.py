@@ -6,7 +6,7 @@ not public: those here are choices. The auto-encoder learns from raw patches.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -100,14 +100,14 @@ class RawNetwork(Baseline):
         dropout: Share of hidden units left out in training.
     """
 
-    fragment_seconds: float
-    patches: int
-    sparsity: float
-    steps: int
-    batch_size: int
-    learning_rate: float
-    weight_decay: float
-    dropout: float
+    fragment_seconds: Annotated[float, "(0, 3600] s", "longest fragment"]
+    patches: Annotated[int, "[1, 10000000]", "raw patches that the auto-encoder learns from"]
+    sparsity: Annotated[float, "(0, 1)", "mean activation of its hidden units"]
+    steps: Annotated[int, "[1, 100000000]", "steps of training"]
+    batch_size: Annotated[int, "[1, 4096]", "fragments in a step"]
+    learning_rate: Annotated[float, "(0, 10]", "highest of a one-cycle schedule"]
+    weight_decay: Annotated[float, "[0, 10]", "weight decay of AdamW"]
+    dropout: Annotated[float, "[0, 1)", "share of hidden units left out in training"]
 
     kind: ClassVar = "haptic"
     budgeted: ClassVar = {"steps": 1}

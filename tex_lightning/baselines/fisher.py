@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import count
-from typing import ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -52,13 +52,13 @@ class FisherVectors(Baseline):
 
     """
 
-    trunk: str
-    max_side: int
-    scales: list[float]
-    components: int
-    photos: int
-    descriptors: int
-    cost: float
+    trunk: Annotated[str, "name of a trunk of VisualNet"]
+    max_side: Annotated[int, "[30, 100000] pixels", "photos of more than its square are shrunk"]
+    scales: Annotated[list[float], "[-10, 10]", "exponents of two of factors on a photo's sides"]
+    components: Annotated[int, "[1, 10000]", "Gaussians of the mixture"]
+    photos: Annotated[int, "[1, 1000000]", "most photos that these are fitted to"]
+    descriptors: Annotated[int, "[1, 1000000]", "most features of each of these"]
+    cost: Annotated[float, "(0, inf)", "C of the SVMs"]
 
     kind: ClassVar = "visual"
     budgeted: ClassVar = dict.fromkeys(("components", "photos", "descriptors"), 2)

@@ -11,7 +11,7 @@
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +28,8 @@ from tex_lightning.errors import UserError
 
 log = logging.getLogger(__name__)
 
-MAX_SECONDS, MAX_OVERLAP, MAX_FILTERS = 1, 20, 1000  # far beyond any use, little memory
+SECONDS, FILTERS, MAX_OVERLAP = "(0, 1] s", "[1, 1000]", 20  # far beyond any use, little memory
+Spacing = Literal["mel", "decreasing"]
 ZERO_PADDING = 4  # so that the narrowest filters meet several bins
 FLOOR = 1e-10  # of the mean energy; digital silence would be minus infinity
 
@@ -53,25 +54,20 @@ class Cepstra:
         UserError: If that takes up too much memory, or gives no coefficients.
     """
 
-    window_seconds: float
-    hop_seconds: float
-    highest_hz: float
-    filters: int
-    spacing: str
-    first: int
-    last: int
+    window_seconds: Annotated[float, SECONDS, "length of a frame"]
+    hop_seconds: Annotated[float, SECONDS, "time from frame to frame"]
+    highest_hz: Annotated[float, "(0, 1000000] Hz", "where the filters end"]
+    filters: Annotated[int, FILTERS, "number of filters"]
+    spacing: Annotated[Spacing, "how filters are spaced with frequency"]
+    first: Annotated[int, FILTERS, "first coefficient, counted from 1"]
+    last: Annotated[int, FILTERS, "last coefficient"]
 
     def __post_init__(self) -> None:
-        bounded = (
-            self.window_seconds <= min(MAX_SECONDS, MAX_OVERLAP * self.hop_seconds)
-            and 0 < self.hop_seconds <= MAX_SECONDS
-            and 1 <= self.first <= self.last <= self.filters <= MAX_FILTERS
-        )
-        if not bounded:
+        ordered = 1 <= self.first <= self.last <= self.filters
+        if not ordered or self.window_seconds > MAX_OVERLAP * self.hop_seconds:
             raise UserError(
-                f"model.baseline: give windows and hops up to {MAX_SECONDS} s, window_seconds up "
-                f"to {MAX_OVERLAP} times hop_seconds, and 1 <= first <= last <= filters <= "
-                f"{MAX_FILTERS}."
+                f"model.baseline: give window_seconds up to {MAX_OVERLAP} times hop_seconds, and "
+                "1 <= first <= last <= filters."
             )
 
     def coefficients(self, trace: Array, sampling_rate: float) -> Array:
@@ -128,8 +124,8 @@ class MfccMixtures(EstimatorBaseline, Cepstra):
         min_variance: Added to every variance, so that no component shrinks to one frame.
     """
 
-    components: int
-    min_variance: float
+    components: Annotated[int, "[1, 10000]", "Gaussians of each class"]
+    min_variance: Annotated[float, "[0, inf)", "smallest variance of a coefficient"]
 
     kind: ClassVar = "haptic"
     budgeted: ClassVar = {"components": 1}

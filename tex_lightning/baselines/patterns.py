@@ -5,7 +5,7 @@ neighbours and no upright direction are our guess, and its figures are not D8's.
 """
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import cv2
 import numpy as np
@@ -32,8 +32,8 @@ class LocalBinaryPatterns(EstimatorBaseline):
         strength: Inverse strength C of the regularisation.
     """
 
-    radii: list[int]
-    strength: float
+    radii: Annotated[list[int], "[1, 1000] pixels", "radii of the circles of neighbours"]
+    strength: Annotated[float, "(0, inf)", "inverse strength C of the regularisation"]
 
     kind: ClassVar = "visual"
 

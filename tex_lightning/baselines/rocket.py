@@ -5,7 +5,7 @@ Dempster, Schmidt and Webb (2021), as aeon has it; the strongest quick classifie
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -43,9 +43,9 @@ class MiniRocket(EstimatorBaseline):
             by one factor for all axes.
     """
 
-    kernels: int
-    threads: int
-    keep_level: bool
+    kernels: Annotated[int, "[1, 10000000]", "number of features"]
+    threads: Annotated[int, "[-1, 1024]", "threads of the fit"]
+    keep_level: Annotated[bool, "whether the strength of a trace counts"]
 
     kind: ClassVar = "haptic"
     axes_apart: ClassVar = True

@@ -4,10 +4,10 @@
 marks what a configuration file or the user has to fill in.
 """
 
-from dataclasses import dataclass, field, is_dataclass, replace
+from dataclasses import is_dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
@@ -15,7 +15,7 @@ from omegaconf import DictConfig, OmegaConf
 from tex_lightning.config import tasks
 from tex_lightning.config.data import DataConfig, Folding, RecordConfig
 from tex_lightning.config.instantiation import find_class
-from tex_lightning.config.keys import SEED, key
+from tex_lightning.config.keys import SEED, TEXT, section
 from tex_lightning.config.model import FUSION, PACKAGE_SENSES, ModelConfig
 from tex_lightning.config.search import register_folders
 from tex_lightning.config.tasks import (
@@ -27,6 +27,7 @@ from tex_lightning.config.tasks import (
     ProfileConfig,
     StabilityConfig,
     StreamConfig,
+    Task,
     TrainerConfig,
 )
 from tex_lightning.core.run_folder import subject
@@ -42,56 +43,49 @@ BESIDE = Path(__file__).parents[2] / "conf"  # in a checkout
 CONF = INSIDE if INSIDE.is_dir() else BESIDE
 
 
-@dataclass
+@section
 class Config:
     """The whole configuration."""
 
-    task: str = key("what to do, set by task=NAME", choices=TASKS)
-    verbose: int = key(
-        "0: the result and errors; 1: progress and messages too; 2: those of libraries too",
+    task: Annotated[str, Task, "what to do, set by task=NAME"]
+    verbose: Annotated[
+        int,
         "[0, 2]",
+        "0: the result and errors; 1: progress and messages too; 2: those of libraries too",
+    ]
+    seed: Annotated[int, SEED, "seed of initial weights, order of samples, sub-samples, rotations"]
+    checkpoint: Annotated[str | None, "trained network to classify with or to measure"]
+    haptic: Annotated[
+        Any, TEXT, "trace(s); - to stream; to record: -, serial:PORT, soundcard, a file"
+    ] = None
+    image: Annotated[Any, TEXT, "photo(s) to predict from; to record: camera:NUMBER or a video"] = (
+        None
     )
-    seed: int = key("seed of initial weights, order of samples, sub-samples, rotations", SEED)
-    checkpoint: str | None = key("trained network to classify with or to measure")
-    haptic: Any = key(
-        "trace(s); - to stream; to record: -, serial:PORT, soundcard, a file",
-        default=None,
-        text=True,
-    )
-    image: Any = key(
-        "photo(s) to predict from; to record: camera:NUMBER or a video", default=None, text=True
-    )
-    sound: Any = key("sound(s): as haptic", default=None, text=True)
-    own: dict[str, Any] = key(
-        "files of custom modalities; +NAME=FILE adds one", factory=dict, text=True
-    )
-    pattern: str | None = key(
-        "task=manifest: path below data.root, such as {label}/{person}_{group}.wav", default=None
-    )
-    top_k: int = key("candidates listed by task=predict", "[1, inf)")
-    weights: Any = key(
-        "first weights of trunks: FILE, imagenet or {TRUNK: FILE}; null: random",
-        default=None,
-        text=True,
-    )
-    trusted: list[str] = key(
-        "packages whose classes a checkpoint may name: their code runs", factory=list
-    )
-    data: DataConfig = field(default_factory=DataConfig)
-    model: ModelConfig = field(default_factory=ModelConfig)
-    decision: DecisionConfig = field(default_factory=DecisionConfig)
-    trainer: TrainerConfig = field(default_factory=TrainerConfig)
-    engine: EngineConfig = field(default_factory=EngineConfig)
-    callbacks: dict[str, Any] = key("callbacks by name, each with its _target_", factory=dict)
-    logger: dict[str, Any] = key("loggers by name, each with its _target_", factory=dict)
-    crossval: tasks.CrossvalConfig = field(default_factory=tasks.CrossvalConfig)
-    stream: StreamConfig = field(default_factory=StreamConfig)
-    record: RecordConfig = field(default_factory=RecordConfig)
-    export: tasks.ExportConfig = field(default_factory=tasks.ExportConfig)
-    generate: tasks.GenerateConfig = field(default_factory=tasks.GenerateConfig)
-    profile: ProfileConfig = field(default_factory=ProfileConfig)
-    frontier: tasks.FrontierConfig = field(default_factory=tasks.FrontierConfig)
-    stability: StabilityConfig = field(default_factory=StabilityConfig)
+    sound: Annotated[Any, TEXT, "sound(s): as haptic"] = None
+    own: Annotated[dict[str, Any], TEXT, "files of custom modalities; +NAME=FILE adds one"]
+    pattern: Annotated[
+        str | None, "task=manifest: path below data.root, such as {label}/{person}_{group}.wav"
+    ] = None
+    top_k: Annotated[int, "[1, inf)", "candidates listed by task=predict"]
+    weights: Annotated[
+        Any, TEXT, "first weights of trunks: FILE, imagenet or {TRUNK: FILE}; null: random"
+    ] = None
+    trusted: Annotated[list[str], "packages whose classes a checkpoint may name: their code runs"]
+    data: DataConfig
+    model: ModelConfig
+    decision: DecisionConfig
+    trainer: TrainerConfig
+    engine: EngineConfig
+    callbacks: Annotated[dict[str, Any], "callbacks by name, each with its _target_"]
+    logger: Annotated[dict[str, Any], "loggers by name, each with its _target_"]
+    crossval: tasks.CrossvalConfig
+    stream: StreamConfig
+    record: RecordConfig
+    export: tasks.ExportConfig
+    generate: tasks.GenerateConfig
+    profile: ProfileConfig
+    frontier: tasks.FrontierConfig
+    stability: StabilityConfig
 
     @property
     def files(self) -> dict[str, Any]:
@@ -127,7 +121,7 @@ def trunk_name(model: ModelConfig, sense: str) -> str:
         return str(model.baseline.get("trunk"))
     from tex_lightning.networks.trunks import name_trunk  # takes PyTorch
 
-    return name_trunk(find_class("model.visual.trunk", model.visual.trunk))
+    return name_trunk(find_class("model.visual.trunk", model.visual.node["trunk"]))
 
 
 def plain_values(node: Any) -> Any:  # noqa: ANN401
@@ -163,9 +157,9 @@ def _schema() -> DictConfig:
     node: DictConfig = OmegaConf.structured(Config)
     model = node.model
     fits = [model[name].fit for name in (*PACKAGE_SENSES, FUSION)]
-    parts = [model[name][part] for name in PACKAGE_SENSES for part in ("features", "network")]
-    parts += [fit[part] for fit in fits for part in ("optimizer", "schedule")]
-    parts += [node.data.reader, model.visual.trunk, node.callbacks, node.logger]
+    parts = [fit[part] for fit in fits for part in ("optimizer", "schedule")]
+    parts += [model[name] for name in PACKAGE_SENSES]
+    parts += [node.data.reader, node.callbacks, node.logger]
     # whoever they are passed to knows their keys; senses may be a user's
     for opened in (model, model.fusion, node.trainer, node.record.conditions, *parts):
         OmegaConf.set_struct(opened, False)

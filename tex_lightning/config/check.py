@@ -14,9 +14,10 @@ from omegaconf import DictConfig
 
 from tex_lightning.config import READ_FILES, Config, ModelConfig, trunk_name
 from tex_lightning.config.composition import read_config
-from tex_lightning.config.keys import beyond, choice, walk
+from tex_lightning.config.keys import choice
 from tex_lightning.config.model import CHECKPOINT
-from tex_lightning.config.signatures import misfits
+from tex_lightning.config.nodes import node_complaints, shared_complaints
+from tex_lightning.config.signatures import TARGET, misfits
 from tex_lightning.config.tasks import TRAINING
 from tex_lightning.errors import UserError, shorten
 
@@ -63,20 +64,32 @@ def check_config(config: Config) -> None:
     """
     rules = (_model_rules, _data_rules, _decision_rules, _task_rules, _record_rules)
     complaints = [complaint for rule in rules for wrong, complaint in rule(config) if wrong]
-    complaints += _types(config)
-    for name, key in walk(Config):
-        complaints += beyond(name, attrgetter(name)(config), key)
-    _refuse([*complaints, *_unknown_names(config)])
+    complaints += [*_values(config), *_parts(config), *_unknown_names(config)]
+    _refuse([*dict.fromkeys(complaints)])
 
 
-def _types(section: Any, prefix: str = "") -> Iterator[str]:  # noqa: ANN401
-    """Yield a complaint for each value that Hydra lets pass, such as a list in a list of names."""
+def _values(section: Any, prefix: str = "") -> Iterator[str]:  # noqa: ANN401
+    """Yield a complaint for each value of the sections that their fields do not take."""
     values = {entry.name: getattr(section, entry.name) for entry in fields(section)}
-    for complaint in misfits(prefix, type(section), values):
-        yield complaint.removeprefix(".")
+    yield from misfits(prefix, type(section), values)
     for name, value in values.items():
         if is_dataclass(value):
-            yield from _types(value, f"{prefix}.{name}".removeprefix("."))
+            yield from _values(value, f"{prefix}.{name}".removeprefix("."))
+
+
+def _parts(config: Config) -> Iterator[str]:
+    """Yield a complaint for each value that a class which the configuration names does not take."""
+    model = config.model
+    yield from node_complaints("data.reader", config.data.reader)
+    yield from node_complaints("model.baseline", model.baseline)
+    for name in model.known:
+        section, where = model.sense(name), f"model.{name}"
+        yield from shared_complaints(where, section.node, *section.classes)
+        if name in model.senses:
+            given = {key: value for key, value in section.decode.items() if value is not None}
+            yield from node_complaints(f"{where}.decode", {TARGET: section.decoder, **given})
+            for part, node in section.node.items():
+                yield from node_complaints(f"{where}.{part}", node)
 
 
 def _refuse(complaints: list[str]) -> None:

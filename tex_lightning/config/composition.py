@@ -27,16 +27,17 @@ from tex_lightning.config.model import (
     CHECKPOINT,
     FUSION,
     PACKAGE_SENSES,
-    PhotoFitConfig,
+    PhotoConfig,
     SenseConfig,
-    SignalFitConfig,
+    SignalConfig,
 )
 from tex_lightning.config.names import as_typed
+from tex_lightning.config.nodes import as_taken, takes
 from tex_lightning.config.search import with_own_senses
 from tex_lightning.errors import UserError, reason
 
 NAME = "config"
-FITS = {"signal": SignalFitConfig, "photo": PhotoFitConfig}  # by the medium of a sense
+SCHEMAS = {"signal": SignalConfig, "photo": PhotoConfig}  # by the medium of a sense
 
 
 def compose_config(overrides: Sequence[str] = ()) -> DictConfig:
@@ -169,6 +170,8 @@ def read_config(composed: DictConfig) -> Config:
     for name, node in vars(model).items():
         if isinstance(node, dict) and TARGET in node and name != "baseline":
             setattr(model, name, _custom_sense(name, node, model.budget))
+    for section in map(model.sense, model.known):
+        vars(section).update(as_taken(section.node))
     for name in _further_keys(config):
         if "." in name or config.task not in READ_FILES:  # where a key names files of a sense
             raise unknown_key(name, composed)
@@ -198,6 +201,8 @@ def _further_keys(section: Any, prefix: str = "") -> Iterator[str]:  # noqa: ANN
             yield from (
                 () if custom or name == "trainer" else _further_keys(value, f"{prefix}{name}.")
             )
+        elif isinstance(section, SenseConfig) and takes(section.node, name, *section.classes):
+            continue
         elif name not in known and not (prefix == "model.fusion." and name.endswith(CHECKPOINT)):
             yield f"{prefix}{name}"
 
@@ -205,15 +210,14 @@ def _further_keys(section: Any, prefix: str = "") -> Iterator[str]:  # noqa: ANN
 def _custom_sense(name: str, node: dict[str, Any], budget: float) -> SenseConfig:
     where = f"model.{name}"
     medium = getattr(find_class(where, node), "medium", None)
-    if medium not in FITS:
+    if medium not in SCHEMAS:
         raise UserError(
             f"{where} names {node[TARGET]}, which is no sense: begin its file with defaults: "
             "[signal, _self_] or [photo, _self_]."
         )
-    schema, fit = OmegaConf.structured(SenseConfig), OmegaConf.structured(FITS[medium])
-    for section in (schema, fit.optimizer, fit.schedule):
+    schema = OmegaConf.structured(SCHEMAS[medium])
+    for section in (schema, schema.fit.optimizer, schema.fit.schedule):
         OmegaConf.set_struct(section, False)  # further keys are offered to its classes
-    schema.fit = fit
     try:
         merged = OmegaConf.merge(schema, node)
         merged.fit.steps_per_epoch = max(1, round(budget * merged.fit.steps_per_epoch))

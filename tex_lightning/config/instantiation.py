@@ -11,14 +11,12 @@ from dataclasses import is_dataclass
 from types import NoneType
 from typing import Any
 
-from tex_lightning.config.keys import nearest
 from tex_lightning.config.search import ENTRY_POINTS, installed_packages
+from tex_lightning.config.signatures import HYDRAS, converted, misfits, strangers
 from tex_lightning.config.signatures import TARGET as TARGET
-from tex_lightning.config.signatures import converted, misfits
 from tex_lightning.core.contract import making, resolve
-from tex_lightning.errors import UserError, listed, shorten
+from tex_lightning.errors import UserError, shorten
 
-HYDRAS = (TARGET, "_args_", "_partial_", "_recursive_", "_convert_")  # keys that are no arguments
 OWN = "tex_lightning."
 
 
@@ -122,18 +120,8 @@ def _checked(
     Raises:
         UserError: If one is no argument, or of another type.
     """
-    try:
-        parameters = inspect.signature(called).parameters
-    except ValueError:  # of a class in C
-        return values
-    takes_any = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values())
-    for name in values if not takes_any else ():
-        if name not in parameters:
-            known = listed([*parameters]) or "none"
-            near = nearest(str(name), parameters, f"{where}.")
-            raise UserError(
-                f"There is no key {where}.{shorten(name)}{near}; its class has {known}."
-            )
+    if unknown := next(strangers(where, called, values), None):
+        raise UserError(f"{unknown}.")
     typed = converted(called, values) if is_dataclass(called) else values
     if complaints := [*misfits(where, called, typed)]:
         raise UserError("; ".join(complaints) + ".")

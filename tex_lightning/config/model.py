@@ -1,10 +1,10 @@
 """The model: its senses, networks and fusion, and how each of them is trained."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Any, ClassVar
+from dataclasses import asdict
+from typing import Annotated, Any, ClassVar, Literal
 
-from tex_lightning.config.keys import key
+from tex_lightning.config.keys import section
 
 FUSION = "fusion"  # name of several senses together
 PACKAGE_SENSES = ("haptic", "visual", "sound")  # senses of the package; others are a user's
@@ -13,15 +13,11 @@ LARGEST = 8192  # pixels a side
 RATE = "(0, 10]"
 BATCH = "[1, 4096]"
 PROBABILITY = "[0, 1)"
-WIDTH = "(0, 8]"
-ROTATION = {"range": "[0, 180]", "unit": "degrees"}
-AXES = ("frame", "trace")
-HEAD_STARTS = ("scores", "random")
-NORMS = ("batch", "lrn", "none")
+ROTATION = "[0, 180] degrees"
 PERTURB = "perturbations to train on too, named in tex_lightning/perturbations/severities.yaml"
 
 
-@dataclass
+@section
 class FitConfig:
     """One network's training recipe.
 
@@ -29,16 +25,20 @@ class FitConfig:
     two checkpoints.
     """
 
-    epochs: int = key("number of epochs; each ends with a checkpoint", "[0, 1000000]")
-    steps_per_epoch: int = key("optimiser steps in an epoch", "[1, 1000000]")
-    batch_size: int = key("samples in a step, over all processes", BATCH)
-    optimizer: dict[str, Any] = key("class and arguments of the optimiser", factory=dict)
-    learning_rate: float = key("largest learning rate of the trunk", RATE)
-    schedule: dict[str, Any] = key(
-        "class and arguments of the schedule, applied after every step", factory=dict
-    )
-    label_smoothing: float = key("share of the target that is spread over all classes", PROBABILITY)
-    head_factor: float = key("learning rate of the 1x1 layers over that of the trunk", "(0, 1000]")
+    epochs: Annotated[int, "[0, 1000000]", "number of epochs; each ends with a checkpoint"]
+    steps_per_epoch: Annotated[int, "[1, 1000000]", "optimiser steps in an epoch"]
+    batch_size: Annotated[int, BATCH, "samples in a step, over all processes"]
+    optimizer: Annotated[dict[str, Any], "class and arguments of the optimiser"]
+    learning_rate: Annotated[float, RATE, "largest learning rate of the trunk"]
+    schedule: Annotated[
+        dict[str, Any], "class and arguments of the schedule, applied after every step"
+    ]
+    label_smoothing: Annotated[
+        float, PROBABILITY, "share of the target that is spread over all classes"
+    ]
+    head_factor: Annotated[
+        float, "(0, 1000]", "learning rate of the 1x1 layers over that of the trunk"
+    ]
 
     piece_key: ClassVar[str] = ""
 
@@ -49,69 +49,81 @@ class FitConfig:
         return size
 
 
-@dataclass
+@section
 class SignalFitConfig(FitConfig):
     """Training on sub-samples of spectrograms; FusionNet is perturbed alike."""
 
-    frames: int = key(
-        "frames of a sub-sample; longer signals are cut at random, shorter repeated", "[1, 20000]"
-    )
-    perturb: list[str] = key(PERTURB)
-    perturbed_copies: int = key("perturbed versions of every signal", "[1, 100]")
+    frames: Annotated[
+        int,
+        "[1, 20000]",
+        "frames of a sub-sample; longer signals are cut at random, shorter repeated",
+    ]
+    perturb: Annotated[list[str], PERTURB]
+    perturbed_copies: Annotated[int, "[1, 100]", "perturbed versions of every signal"]
 
     piece_key: ClassVar[str] = "frames"
 
 
-@dataclass
+@section
 class ProbeConfig:
     """Fit of VisualNet's FC3 to the features of whole photos, where ``head`` is empty."""
 
-    passes: int = key("passes over the training photos, each with new crops", "[1, 1000]")
-    strength: float = key("inverse of the regularisation", "(0, 1000000]")
-    side: int = key("largest side; larger photos are cut", f"[224, {LARGEST}]", unit="pixels")
+    passes: Annotated[int, "[1, 1000]", "passes over the training photos, each with new crops"]
+    strength: Annotated[float, "(0, 1000000]", "inverse of the regularisation"]
+    side: Annotated[int, f"[224, {LARGEST}] pixels", "largest side; larger photos are cut"]
 
 
-@dataclass
+@section
 class PhotoFitConfig(FitConfig):
     """Training on square patches; FusionNet is perturbed alike."""
 
-    patch: int = key("side of a training patch", "[1, 2048]", unit="pixels")
-    rotation: float = key("largest random rotation either way", **ROTATION)
-    augmentation: Any = key(  # OmegaConf cannot merge a dictionary into a typed null
-        "class that changes training patches (batch, 3, side, side) in [0, 1]", default=None
-    )
-    perturb: list[str] = key(PERTURB)
-    perturbed_share: float = key("share of patches that are perturbed", "[0, 1]")
-    probe: ProbeConfig = field(default_factory=ProbeConfig)
+    patch: Annotated[int, "[1, 2048] pixels", "side of a training patch"]
+    rotation: Annotated[float, ROTATION, "largest random rotation either way"]
+    augmentation: Annotated[
+        Any, "class that changes training patches (batch, 3, side, side) in [0, 1]"
+    ] = None
+    perturb: Annotated[list[str], PERTURB]
+    perturbed_share: Annotated[float, "[0, 1]", "share of patches that are perturbed"]
+    probe: ProbeConfig
 
     piece_key: ClassVar[str] = "patch"
 
 
-@dataclass
+@section
 class FusionFitConfig(FitConfig):
     """Training of FusionNet, on inputs as large as the receptive fields."""
 
-    head_factor: float = key(
-        "learning rate of the fusion layer over that of the networks, as the paper", "[10, 50]"
-    )
-    rotation: float = key("largest random rotation of photos", **ROTATION)
+    head_factor: Annotated[
+        float,
+        "[10, 50]",
+        "learning rate of the fusion layer over that of the networks, as the paper",
+    ]
+    rotation: Annotated[float, ROTATION, "largest random rotation of photos"]
 
 
-@dataclass
+@section
 class SenseConfig:
     """One sense; a user's own has ``fit`` of the kind of its recordings.
 
     The keys beside ``fit`` form a node, which a card keeps and from which a sense is built. Its
     classes receive the keys that they have parameters for.
+
+    Attributes:
+        classes: Whose keys it may have too, whether they are named in it or not: a recipe that
+            names others leaves the keys of the package's in their place.
+        decoder: Class whose keys ``decode`` has.
     """
 
-    _target_: str = key("class of the sense: of signals or of photos")
-    modality: str = key("modality of its recordings, and of files to predict from")
-    decode: dict[str, Any] = key("how files are decoded", factory=dict)
-    features: dict[str, Any] = key(
-        "class from decoded recording to network input, and its keys", factory=dict
-    )
-    network: dict[str, Any] = key("class of the network, and its keys", factory=dict)
+    classes: ClassVar[tuple[str, ...]] = ()
+    decoder: ClassVar[str] = ""
+
+    _target_: Annotated[str, "class of the sense: of signals or of photos"]
+    modality: Annotated[str, "modality of its recordings, and of files to predict from"]
+    decode: Annotated[dict[str, Any], "how files are decoded"]
+    features: Annotated[
+        dict[str, Any], "class from decoded recording to network input, and its keys"
+    ]
+    network: Annotated[dict[str, Any], "class of the network, and its keys"]
     fit: Any = None
 
     @property
@@ -120,74 +132,63 @@ class SenseConfig:
         return {name: value for name, value in vars(self).items() if name != "fit"}
 
 
-@dataclass
+@section
 class SignalConfig(SenseConfig):
-    """HapticNet on spectrograms of traces or sounds."""
+    """A sense of signals; beside its fields it has the keys of its classes."""
 
-    width: float = key("factor on every channel count; 1 is the paper's size", WIDTH)
-    norm: str = key("normalisation of activations; lrn is the paper's", choices=NORMS)
-    dropout: float = key("probability of dropping an input of the 1x1 layers", PROBABILITY)
-    normalisation: str = key(
-        "standardised logarithms, or each trace to [0, 1]", choices=("standard", "paper")
+    classes: ClassVar = (
+        "tex_lightning.senses.features.spectrogram.SpectrogramFeatures",
+        "tex_lightning.networks.hapticnet.HapticNet",
     )
-    skip_impact: bool = key("leave out the first touch of the tool")
-    axes: str = key(
-        "join three axes per frame, or over the whole trace as in the paper", choices=AXES
-    )
-    scale: str = key(
-        "50 mel bands, or the paper's 50 channels up to 1 kHz", choices=("mel", "linear")
-    )
-    window_seconds: float = key("length of a frame of the spectrogram", "[0.001, 10]", unit="s")
-    hop_seconds: float = key("time from frame to frame", "[0.0001, 10]", unit="s")
-    fit: SignalFitConfig = field(default_factory=SignalFitConfig)
+    decoder: ClassVar = "tex_lightning.data.decode.SignalDecoder"
+    fit: SignalFitConfig
 
 
-@dataclass
+@section
 class PhotoConfig(SenseConfig):
-    """VisualNet on one of several trunks."""
+    """A sense of photos; beside its fields it has the keys of its classes."""
 
-    trunk: dict[str, Any] = key("class of the convolutions before FC1, and its keys", factory=dict)
-    width: float = key("factor on every channel count; 1 is the published size", WIDTH)
-    norm: str = key("normalisation of activations; none for pretrained trunks", choices=NORMS)
-    dropout: float = key("probability of dropping an input of FC2 and FC3", PROBABILITY)
-    fc1_kernel: int | None = key("side of FC1's kernel; null: the trunk's", "[1, 64]", default=None)
-    head: list[int] = key("channels of FC1 and FC2 before the width; []: FC3 alone", "[1, 16384]")
-    fit: PhotoFitConfig = field(default_factory=PhotoFitConfig)
+    classes: ClassVar = (
+        "tex_lightning.networks.visualnet.VisualNet",
+        "tex_lightning.networks.trunks.base.Trunk",
+    )
+    decoder: ClassVar = "tex_lightning.data.decode.PhotoDecoder"
+    fit: PhotoFitConfig
 
 
-@dataclass
+@section
 class FusionConfig:
     """FusionNet: which layer is fused and where the unimodal networks come from.
 
     A user's sense has its ``NAME_checkpoint`` too.
     """
 
-    level: str = key("layer that is fused", choices=("fc2", "fc3"))
-    haptic_checkpoint: str | None = key("HapticNet to start from; null trains one", default=None)
-    visual_checkpoint: str | None = key("VisualNet to start from; null trains one", default=None)
-    sound_checkpoint: str | None = key("sound network; null trains one", default=None)
-    head_start: str = key(
-        "first weights of the fusion layer: the sum of all scores, or random", choices=HEAD_STARTS
-    )
-    fit: FusionFitConfig = field(default_factory=FusionFitConfig)
+    level: Annotated[str, Literal["fc2", "fc3"], "layer that is fused"]
+    haptic_checkpoint: Annotated[str | None, "HapticNet to start from; null trains one"] = None
+    visual_checkpoint: Annotated[str | None, "VisualNet to start from; null trains one"] = None
+    sound_checkpoint: Annotated[str | None, "sound network; null trains one"] = None
+    head_start: Annotated[
+        str,
+        Literal["scores", "random"],
+        "first weights of the fusion layer: the sum of all scores, or random",
+    ]
+    fit: FusionFitConfig
 
 
-@dataclass
+@section
 class ModelConfig:
     """The model that is trained; a user's own senses are attributes too."""
 
-    name: str = key("model, set by model=NAME")
-    senses: list[str] = key(
-        "haptic, visual, sound or a custom sense; several are trained, then fused"
-    )
-    baseline: Any = key(  # not a typed null, as PhotoFitConfig.augmentation
-        "class of the baseline in place of a network, and its keys", default=None
-    )
-    budget: float = key("factor on the steps of a baseline or of a custom sense", "(0, 1000]")
-    haptic: SignalConfig = field(default_factory=SignalConfig)
-    visual: PhotoConfig = field(default_factory=PhotoConfig)
-    sound: SignalConfig = field(default_factory=SignalConfig)
-    fusion: FusionConfig = field(default_factory=FusionConfig)
+    name: Annotated[str, "model, set by model=NAME"]
+    senses: Annotated[
+        list[str], "haptic, visual, sound or a custom sense; several are trained, then fused"
+    ]
+    baseline: Annotated[Any, "class of the baseline in place of a network, and its keys"] = None
+    budget: Annotated[float, "(0, 1000]", "factor on the steps of a baseline or of a custom sense"]
+    haptic: SignalConfig
+    visual: PhotoConfig
+    sound: SignalConfig
+    fusion: FusionConfig
 
     @property
     def kind(self) -> str:

@@ -7,10 +7,10 @@ also those that its grammar has no letters for, such as ``~/recordings`` or ``Gr
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any, get_args, get_origin
 
 from hydra.conf import HydraConf
 from hydra.core.override_parser.overrides_parser import create_functions
@@ -25,7 +25,7 @@ from hydra.grammar.gen.OverrideLexer import (  # type: ignore[attr-defined]
 from hydra.grammar.gen.OverrideParser import OverrideParser
 
 from tex_lightning.config import Config
-from tex_lightning.config.keys import METADATA
+from tex_lightning.config.keys import Key, hints_of, without_extras
 from tex_lightning.config.model import CHECKPOINT
 
 OVERRIDE = re.compile(r"(\+{0,2}([^=~+]+)=)(.+)", re.DOTALL)
@@ -124,13 +124,12 @@ def holds_text(name: str) -> bool:
     first, *parts = name.split(".")
     section: Any = HydraConf if first == "hydra" else Config
     for part in parts if first == "hydra" else (first, *parts):
-        field = next((each for each in fields(section) if each.name == part), None)
-        if field is None:
+        hint = hints_of(section).get(part)
+        if hint is None:
             return not parts
-        section = get_type_hints(section)[part]
+        section = without_extras(hint)
         if not is_dataclass(section):
-            said = getattr(field.metadata.get(METADATA), "text", False)
-            return said or _takes_text(section)
+            return Key.of(hint).text or _takes_text(section)
     return True
 
 

@@ -10,15 +10,19 @@ import inspect
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
+from inspect import Parameter, Signature
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from tex_lightning.config.keys import Key
-from tex_lightning.errors import shorten
+from tex_lightning.config.keys import Key, nearest, plain, without_extras
+from tex_lightning.errors import listed, shorten
 
 TARGET = "_target_"  # of a node, which becomes something else
+HYDRAS = (TARGET, "_args_", "_partial_", "_recursive_", "_convert_")  # keys that are no arguments
 LISTS = (list, tuple, collections.abc.Sequence, collections.abc.Iterable)
 MAPPINGS = (dict, collections.abc.Mapping, collections.abc.MutableMapping)
+EXACT = 1 << 53  # whole numbers below it are floating-point numbers, too
+ANYTHING = Signature([Parameter("_", Parameter.VAR_KEYWORD)])
 PLAIN = (str, int, float, list, tuple, Mapping, NoneType)
 NAMES: dict[Any, str] = {
     bool: "true or false", int: "a whole number", float: "a number", str: "text", NoneType: "null",
@@ -26,36 +30,62 @@ NAMES: dict[Any, str] = {
 }  # fmt: skip
 
 
-def misfits(where: str, called: Callable[..., Any], values: Mapping[str, Any]) -> Iterator[str]:
+def misfits(
+    where: str, called: Callable[..., Any] | Signature, values: Mapping[str, Any]
+) -> Iterator[str]:
     """Yield a complaint for each value that a class or function does not take.
 
     Args:
         where: Key of the values, for messages.
-        called: The class or function.
+        called: The class or function, or its signature.
         values: Arguments by name, of which those that it does not have are passed over.
     """
-    annotated = _annotations(called)
+    parameters = signature_of(called).parameters
     for name, value in values.items():
-        hint, default = annotated.get(name, (Any, None))
+        if name not in parameters:
+            continue
+        hint, default = parameters[name].annotation, parameters[name].default
         given = value is not default and repr(value) != repr(default)
         if given and (wanted := next(_wanted(value, hint), None)):
             quoted = ", in quotes of two kinds" if wanted == "text" else ""
-            yield f"{where}.{name} is {shorten(repr(value))}: give {wanted}{quoted}"
+            near = nearest(value, map(str, Key.of(hint).choices)) if isinstance(value, str) else ""
+            key = f"{where}.{name}".removeprefix(".")
+            yield f"{key} is {shorten(_shown(value))}{near}: give {wanted}{quoted}"
 
 
-def converted(called: Callable[..., Any], values: Mapping[str, Any]) -> dict[str, Any]:
+def _shown(value: object) -> str:
+    return plain(value) if type(value) in (int, float) else repr(value)
+
+
+def strangers(
+    where: str, called: Callable[..., Any] | Signature, values: Mapping[str, Any]
+) -> Iterator[str]:
+    """Yield a complaint for each value that is no argument of a class or function."""
+    parameters = signature_of(called).parameters
+    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
+        return
+    for name in values:
+        if name not in parameters:
+            known = listed([*parameters]) or "none"
+            near = nearest(str(name), parameters, f"{where}.")
+            yield f"There is no key {where}.{shorten(name)}{near}; its class has {known}"
+
+
+def converted(called: Callable[..., Any] | Signature, values: Mapping[str, Any]) -> dict[str, Any]:
     """Return values with text for numbers, and numbers for text, where arguments are such.
 
     Nothing is lost: where a name could be read as another number it is text before (:mod:`.names`).
     """
-    annotated = _annotations(called)
+    parameters = signature_of(called).parameters
     return {
-        name: _converted(value, annotated.get(name, (Any,))[0]) for name, value in values.items()
+        name: _converted(value, parameters[name].annotation) if name in parameters else value
+        for name, value in values.items()
     }
 
 
 def _converted(value: Any, hint: Any) -> Any:  # noqa: ANN401
-    kinds = {hint, *get_args(hint)}
+    hint = without_extras(hint)
+    kinds = {hint, *map(without_extras, get_args(hint))}
     if isinstance(value, list):
         lists = [kind for kind in kinds if (get_origin(kind) or kind) in LISTS and get_args(kind)]
         return [_converted(item, get_args(lists[0])[0]) for item in value] if lists else value
@@ -65,20 +95,30 @@ def _converted(value: Any, hint: Any) -> Any:  # noqa: ANN401
         for kind in {int, float} & kinds:
             with suppress(ValueError):
                 return kind(value)
+    if type(value) is int and float in kinds and int not in kinds:
+        return float(value) if abs(value) < EXACT else value
     if isinstance(value, int | float) and not kinds & {bool, int, float} and str in kinds:
         return str(value)
     return value
 
 
-def _annotations(called: Callable[..., Any]) -> dict[str, tuple[Any, Any]]:
-    """Return annotation and default of each annotated argument."""
+def signature_of(called: Callable[..., Any] | Signature) -> Signature:
+    """Return the signature of what is called with evaluated annotations, ``Any`` where it has none.
+
+    That of a class in C takes anything.
+    """
+    if isinstance(called, Signature):
+        return called
     try:
-        parameters = inspect.signature(called).parameters
+        parameters = inspect.signature(called).parameters.values()
+    except ValueError:
+        return ANYTHING
+    try:
         function = called.__init__ if isinstance(called, type) else called  # type: ignore[misc]
         hints = get_type_hints(function, include_extras=True)
-    except Exception:  # of a class in C, of names that only a type checker knows
-        return {}
-    return {name: (hints[name], each.default) for name, each in parameters.items() if name in hints}
+    except Exception:  # of names that only a type checker knows
+        hints = {}
+    return Signature([each.replace(annotation=hints.get(each.name, Any)) for each in parameters])
 
 
 def _wanted(value: Any, hint: Any) -> Iterator[str]:  # noqa: ANN401
@@ -89,9 +129,7 @@ def _wanted(value: Any, hint: Any) -> Iterator[str]:  # noqa: ANN401
         return
     if kind is Annotated:
         yield from _wanted(value, inner[0])
-        limits = [Key("", text) for text in inner[1:] if isinstance(text, str)]
-        if isinstance(value, int | float) and not all(key.allows(value) for key in limits):
-            yield f"a number in {limits[0].range}"
+        yield from _outside(value, Key.of(hint), inner[0])
     elif kind in (Union, UnionType):
         yield from _alternatives(value, inner)
     elif kind is Literal and value not in inner:
@@ -107,6 +145,18 @@ def _wanted(value: Any, hint: Any) -> Iterator[str]:  # noqa: ANN401
     elif kind in MAPPINGS:
         for item in value.values() if len(inner) == 2 else ():
             yield from (f"names and values, each {wanted}" for wanted in _wanted(item, inner[1]))
+
+
+def _outside(value: Any, key: Key, hint: Any) -> Iterator[str]:  # noqa: ANN401
+    """Yield what a value of the right type should have been, if it or an item is not allowed."""
+    several = isinstance(value, list | tuple)
+    items = value if several else [value]
+    null = NoneType in get_args(hint) and not several
+    beginning, end = "a list, each " * several, " or null" * null
+    if any(isinstance(item, int | float) and not key.allows(item) for item in items):
+        yield f"{beginning}a number in {key.range}{key.unit and f' {key.unit}'}{end}"
+    elif key.choices and any(item is not None and item not in key.choices for item in items):
+        yield f"{beginning}one of {', '.join(map(str, key.choices))}{end}"
 
 
 def _alternatives(value: Any, hints: tuple[Any, ...]) -> Iterator[str]:  # noqa: ANN401

@@ -1,18 +1,18 @@
 """Settings of the decision, of running networks and of tasks."""
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, Literal, get_args
 
-from tex_lightning.config.keys import SEED, key
+from tex_lightning.config.keys import SEED, section
 
-SIDE = {"range": "[224, 8192]", "unit": "pixels"}  # one patch; what the renderer makes
+SIDE = "[224, 8192] pixels"  # one patch; what the renderer makes
 ROUNDS = "[1, 10000]"
 SHARE = "[0, 1]"
 CHANCE = "[0, 1)"
-TASKS = (
+Task = Literal[
     "fit", "crossval", "evaluate", "enroll", "predict", "stream", "record", "stability",
     "frontier", "profile", "export", "generate", "inspect", "manifest",
-)  # fmt: skip
+]  # fmt: skip
+TASKS: tuple[str, ...] = get_args(Task)
 READ_FILES = ("predict", "record", "stream")  # tasks that read files, by modality
 TRAINING = ("fit", "crossval")  # tasks that train one model
 SILENT = (
@@ -28,46 +28,54 @@ OURS = ("threads", "tf32")  # of TrainerConfig, unknown to Lightning
 MAX_PAIRS = 1_000_000  # of fragments that FusionNet votes over
 
 
-@dataclass
+@section
 class DecisionConfig:
     """How fragments become one label; null takes what the checkpoint says."""
 
-    name: str = key(
-        "max_vote: all fragments, sequential: as few as needed", choices=("max_vote", "sequential")
-    )
-    pairs: int | None = key(
-        "number of random pairs or tuples in FusionNet's vote", f"[1, {MAX_PAIRS}]"
-    )
-    rule: str | None = key(
-        "count votes, or average probabilities or scores", choices=("vote", "mean", "score")
-    )
-    seed: int | None = key("seed of the pairs and of the order of windows", SEED)
-    unknown: float | None = key(
-        "share of known recordings that may be labelled unknown; 0: none", CHANCE, default=None
-    )
-    confidence_threshold: float = key(
-        "sequential: mean probability at which no more is read", SHARE
-    )
+    name: Annotated[
+        str,
+        Literal["max_vote", "sequential"],
+        "max_vote: all fragments, sequential: as few as needed",
+    ]
+    pairs: Annotated[
+        int | None, f"[1, {MAX_PAIRS}]", "number of random pairs or tuples in FusionNet's vote"
+    ]
+    rule: Annotated[
+        str | None,
+        Literal["vote", "mean", "score"],
+        "count votes, or average probabilities or scores",
+    ]
+    seed: Annotated[int | None, SEED, "seed of the pairs and of the order of windows"]
+    unknown: Annotated[
+        float | None, CHANCE, "share of known recordings that may be labelled unknown; 0: none"
+    ] = None
+    confidence_threshold: Annotated[
+        float, SHARE, "sequential: mean probability at which no more is read"
+    ]
 
 
-@dataclass
+@section
 class TrainerConfig:
     """Flags of Lightning's Trainer; flags that are not listed here are passed on as well.
 
     These are attributes too, see :attr:`flags`.
     """
 
-    accelerator: str = key("kind of device", choices=("auto", "cpu", "gpu", "cuda", "mps"))
-    devices: Any = key("devices of each machine that train together, or auto", "[1, 64]")
-    num_nodes: int = key("machines that srun or torchrun starts together", "[1, 1024]")
-    strategy: Any = key("how devices train together: a strategy name of Lightning, or a _target_")
-    precision: str = key(
-        "numeric precision of training", choices=("32-true", "16-mixed", "bf16-mixed", "64-true")
-    )
-    tf32: bool = key("on NVIDIA GPUs, round the factors of fp32 products to 10 bits: faster")
-    threads: int | None = key(
-        "threads of PyTorch on the CPU; null: PyTorch's default", "[1, 1024]", default=None
-    )
+    accelerator: Annotated[str, Literal["auto", "cpu", "gpu", "cuda", "mps"], "kind of device"]
+    devices: Annotated[Any, "[1, 64]", "devices of each machine that train together, or auto"]
+    num_nodes: Annotated[int, "[1, 1024]", "machines that srun or torchrun starts together"]
+    strategy: Annotated[
+        Any, "how devices train together: a strategy name of Lightning, or a _target_"
+    ]
+    precision: Annotated[
+        str,
+        Literal["32-true", "16-mixed", "bf16-mixed", "64-true"],
+        "numeric precision of training",
+    ]
+    tf32: Annotated[bool, "on NVIDIA GPUs, round the factors of fp32 products to 10 bits: faster"]
+    threads: Annotated[
+        int | None, "[1, 1024]", "threads of PyTorch on the CPU; null: PyTorch's default"
+    ] = None
 
     @property
     def flags(self) -> dict[str, Any]:
@@ -75,87 +83,91 @@ class TrainerConfig:
         return {name: value for name, value in vars(self).items() if name not in OURS}
 
 
-@dataclass
+@section
 class EngineConfig:
     """How a trained network is run in testing and prediction; its weights do not change."""
 
-    fast: bool = key("fold batch normalisation, store channels innermost, compute within the cache")
-    tile: int | None = key(
+    fast: Annotated[
+        bool, "fold batch normalisation, store channels innermost, compute within the cache"
+    ]
+    tile: Annotated[
+        int | None,
+        "[100000, 1000000000000]",
         "largest number of pixels, or of frames times 50, in one pass; null: all",
-        "[100000, 1000000000000]",  # smaller pieces are nearly all margin
-    )
+    ]
 
 
-@dataclass
+@section
 class CrossvalConfig:
     """Cross-validation."""
 
-    only: list[int] | None = key("folds to run, e.g. [0,3]; null runs all", default=None)
-    refit: bool = key("then train the same on all recordings, for use: checkpoint=RUN is that one")
+    only: Annotated[list[int] | None, "folds to run, e.g. [0,3]; null runs all"] = None
+    refit: Annotated[
+        bool, "then train the same on all recordings, for use: checkpoint=RUN is that one"
+    ]
 
 
-@dataclass
+@section
 class StreamConfig:
     """Classification while a recording goes on."""
 
-    chunk: float = key("signal between two predictions", "(0, 3600]", unit="s")
-    window: float | None = key(
-        "last part of the signal that is classified; null: all",
-        "[0.5, 600]",
-        unit="s",
-        default=None,
-    )
-    axes: int = key("axes of the samples on standard input (haptic=-)", "[1, 64]")
+    chunk: Annotated[float, "(0, 3600] s", "signal between two predictions"]
+    window: Annotated[
+        float | None, "[0.5, 600] s", "last part of the signal that is classified; null: all"
+    ] = None
+    axes: Annotated[int, "[1, 64]", "axes of the samples on standard input (haptic=-)"]
 
 
-@dataclass
+@section
 class GenerateConfig:
     """Folder and content of written synthetic surfaces."""
 
-    out: str = key("folder to write to, new or empty")
-    sound: bool = key("write sounds too")
+    out: Annotated[str, "folder to write to, new or empty"]
+    sound: Annotated[bool, "write sounds too"]
 
 
-@dataclass
+@section
 class ProfileConfig:
     """Inputs and time limits of the profile."""
 
-    classes: int = key("classes of a network without a checkpoint", "[2, 100000]")
-    seconds: float = key("length of the rendered trace", "[3, 600]", unit="s")
-    width: int = key("width of the rendered photo after halving", **SIDE)
-    height: int = key("height of that photo", **SIDE)
-    rounds: int = key("largest number of rounds; each times every variant", ROUNDS)
-    budget_s: float = key("time after which no fourth round begins", "(0, 86400]", unit="s")
+    classes: Annotated[int, "[2, 100000]", "classes of a network without a checkpoint"]
+    seconds: Annotated[float, "[3, 600] s", "length of the rendered trace"]
+    width: Annotated[int, SIDE, "width of the rendered photo after halving"]
+    height: Annotated[int, SIDE, "height of that photo"]
+    rounds: Annotated[int, ROUNDS, "largest number of rounds; each times every variant"]
+    budget_s: Annotated[float, "(0, 86400] s", "time after which no fourth round begins"]
 
 
-@dataclass
+@section
 class FrontierConfig:
     """The family of systems that is trained and measured."""
 
-    systems: dict[str, str | None] = key(
-        "overrides by name of the system, set by frontier=NAME; null: left out", factory=dict
-    )
-    senses: list[str] | None = key("senses whose subsets are systems of model=NAME", default=None)
-    only: list[str] | None = key("some of the systems by name; null runs all", default=None)
+    systems: Annotated[
+        dict[str, str | None],
+        "overrides by name of the system, set by frontier=NAME; null: left out",
+    ]
+    senses: Annotated[list[str] | None, "senses whose subsets are systems of model=NAME"] = None
+    only: Annotated[list[str] | None, "some of the systems by name; null runs all"] = None
 
 
-@dataclass
+@section
 class StabilityConfig:
     """Systems and perturbations that are tested, and how thoroughly."""
 
-    systems: list[str] | None = key("run folders or checkpoints", default=None)
-    only: list[str] | None = key("perturbations by name; null: all", default=None)
-    severities: list[str] = key("files of further perturbations, as severities.yaml", factory=list)
+    systems: Annotated[list[str] | None, "run folders or checkpoints"] = None
+    only: Annotated[list[str] | None, "perturbations by name; null: all"] = None
+    severities: Annotated[list[str], "files of further perturbations, as severities.yaml"]
 
 
-@dataclass
+@section
 class ExportConfig:
     """Format and checks of exported files."""
 
-    out: str | None = key("folder to write to; null takes the run folder", default=None)
-    format: str = key(
+    out: Annotated[str | None, "folder to write to; null takes the run folder"] = None
+    format: Annotated[
+        str,
+        Literal["onnx", "web", "card"],
         "onnx: ONNX Runtime, web: page for browsers, card: model card",
-        choices=("onnx", "web", "card"),
-    )
-    check: int = key("recordings of noise on which the file is compared", "[0, 100000]")
-    web_runtime: str | None = key(".tgz of onnxruntime-web; null fetches it", default=None)
+    ]
+    check: Annotated[int, "[0, 100000]", "recordings of noise on which the file is compared"]
+    web_runtime: Annotated[str | None, ".tgz of onnxruntime-web; null fetches it"] = None

@@ -2,13 +2,15 @@
 
 import textwrap
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning import __version__
 from tex_lightning.config import CONF, TASKS, Config
 from tex_lightning.config.composition import compose_config
-from tex_lightning.config.keys import typed, walk
+from tex_lightning.config.keys import typed
+from tex_lightning.config.nodes import walk
 from tex_lightning.config.search import user_folders
 
 WIDTH = 79
@@ -95,8 +97,9 @@ def _listing(config: DictConfig) -> str:
     for group, options in config_groups().items():
         lines += _wrapped(" | ".join(options), f"  {group}=", "      ")
     lines += ["", "Keys and their values (change any by key=value):"]
-    before, values = None, OmegaConf.to_container(config, resolve=False)
-    for name, key in walk(Config):
+    values: Any = OmegaConf.to_container(config, resolve=False)
+    before = None
+    for name, key in walk(Config, values):
         section = name.rpartition(".")[0]
         lines += [""] * (section != before)
         before = section

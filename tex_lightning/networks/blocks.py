@@ -14,6 +14,8 @@ ScoreLayer = nn.Linear | nn.Conv1d | nn.Conv2d
 Norm = Literal["batch", "lrn", "none"]
 Level = Literal["fc2", "fc3"]
 
+WIDTH = "(0, 8]"
+PROBABILITY = "[0, 1)"
 MEAN = (0.485, 0.456, 0.406)  # of ImageNet's photos, R G B in [0, 1]
 STD = (0.229, 0.224, 0.225)
 NORMS: tuple[Norm, ...] = ("batch", "lrn", "none")

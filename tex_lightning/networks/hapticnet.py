@@ -1,9 +1,13 @@
 """HapticNet: the fully convolutional network on spectrograms of acceleration traces."""
 
+from typing import Annotated
+
 from torch import Tensor, nn
 
 from tex_lightning.networks.blocks import (
     NORMS,
+    PROBABILITY,
+    WIDTH,
     Head,
     Level,
     Norm,
@@ -53,7 +57,16 @@ class HapticNet(nn.Module):
     min_size = (50, 177)
 
     def __init__(
-        self, classes: int, *, width: float = 1.0, norm: Norm = "batch", dropout: float = 0.5
+        self,
+        classes: int,
+        *,
+        width: Annotated[
+            float, WIDTH, "factor on every channel count; 1 is the paper's size"
+        ] = 1.0,
+        norm: Annotated[Norm, "normalisation of activations; lrn is the paper's"] = "batch",
+        dropout: Annotated[
+            float, PROBABILITY, "probability of dropping an input of the 1x1 layers"
+        ] = 0.5,
     ) -> None:
         super().__init__()
         check_norm(norm, NORMS, "model.haptic.norm")

@@ -8,7 +8,7 @@ import math
 import statistics
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from itertools import product
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import scipy  # whose parts are loaded when they are used
 import torch
@@ -162,8 +162,12 @@ class LinearNet(nn.Module):
         bands: int,
         blocks: Sequence[tuple[str, int]] | None = None,
         bins: Sequence[int] | None = None,
-        strength: float | None = None,
-        shrinkage: float = 30.0,
+        strength: Annotated[
+            float | None, "(0, inf)", "strength of the ridge; null: chosen on the training"
+        ] = None,
+        shrinkage: Annotated[
+            float, "[0, inf)", "how far scatter within classes is taken for equal everywhere"
+        ] = 30.0,
     ) -> None:
         super().__init__()
         self.classes, self.strength, self.shrinkage = classes, strength, shrinkage

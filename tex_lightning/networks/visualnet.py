@@ -1,11 +1,12 @@
 """VisualNet: the fully convolutional network on photos of surfaces."""
 
 from collections.abc import Sequence
+from typing import Annotated
 
 from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
-from tex_lightning.networks.blocks import Head, Level, Window, conv_block, scaled
+from tex_lightning.networks.blocks import PROBABILITY, Head, Level, Window, conv_block, scaled
 from tex_lightning.networks.trunks import Trunk, name_trunk
 
 
@@ -43,11 +44,17 @@ class VisualNet(nn.Module):
     def __init__(
         self,
         classes: int,
-        trunk: Trunk,
+        trunk: Annotated[Trunk, "class of the convolutions before FC1, and its keys"],
         *,
-        dropout: float = 0.5,
-        fc1_kernel: int | None = None,
-        head: Sequence[int] = (300, 250),
+        dropout: Annotated[
+            float, PROBABILITY, "probability of dropping an input of FC2 and FC3"
+        ] = 0.5,
+        fc1_kernel: Annotated[
+            int | None, "[1, 64]", "side of FC1's kernel; null: the trunk's"
+        ] = None,
+        head: Annotated[
+            Sequence[int], "[1, 16384]", "channels of FC1 and FC2 before the width; []: FC3 alone"
+        ] = (300, 250),
     ) -> None:
         super().__init__()
         if not isinstance(trunk, Trunk):

@@ -5,13 +5,13 @@ from collections.abc import Mapping
 from contextlib import suppress
 from copy import deepcopy
 from math import prod
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import torch
 from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
-from tex_lightning.networks.blocks import Norm, Window, check_norm, initialise, is_builtin
+from tex_lightning.networks.blocks import WIDTH, Norm, Window, check_norm, initialise, is_builtin
 from tex_lightning.networks.geometry import layer_windows, side_after
 
 MAX_SIDE = 1 << 13  # pixels along an axis that are tried
@@ -61,7 +61,12 @@ class Trunk(nn.Module):
     imagenet_sha256: ClassVar[str | None] = None
     out_channels: int
 
-    def __init__(self, *, width: float, norm: Norm) -> None:
+    def __init__(
+        self,
+        *,
+        width: Annotated[float, WIDTH, "factor on every channel count; 1 is the published size"],
+        norm: Annotated[Norm, "normalisation of activations; none for pretrained trunks"],
+    ) -> None:
         super().__init__()
         check_norm(norm, self.norms, "model.visual.norm")
         self.width = width

