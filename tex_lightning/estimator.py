@@ -54,8 +54,8 @@ from tex_lightning.data.recordings import one_name
 from tex_lightning.errors import InvalidInput, listed
 from tex_lightning.inference.prediction import Prediction
 from tex_lightning.inference.predictor import Predictor
-from tex_lightning.learning.train import checkpoint_of
-from tex_lightning.studies.fold import fit_fold, open_training
+from tex_lightning.learning.train import train_networks
+from tex_lightning.studies.fold import open_training
 from tex_lightning.tasks.enroll import enroll, open_new_classes
 from tex_lightning.tasks.export import export_classifier
 from tex_lightning_runtime.quality import Quality
@@ -377,8 +377,9 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         with joining(set_devices(config)):
             check_processes(config, job)
             dataset = open_training(config, folder)
-            fit_fold(config, dataset, folder)
-        return load_classifier(checkpoint_of(folder, config.model.kind)), config
+            parts, store = dataset.parts(config.data), dataset.store
+            *_, (whole, _) = train_networks(config, dataset.classes, parts, store, folder)
+        return load_classifier(whole.final), config
 
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "predictor_")
