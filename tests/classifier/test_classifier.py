@@ -117,6 +117,18 @@ def test_scores_of_single_senses_add_up_to_those_of_several(three, senses):
     torch.testing.assert_close(several.logits(**own(several)), expected)
 
 
+def test_a_part_leaves_the_whole_as_it_is(three):
+    before = {name: value.clone() for name, value in three.state_dict().items()}
+    expected = three.logits(**sample())
+    for senses in (["visual"], ["haptic", "sound"]):
+        part = three.with_senses(senses)
+        assert not [weight for weight in part.parameters() if weight.requires_grad]
+        part.logits(**own(part))
+    assert three.state_dict().keys() == before.keys()
+    assert all(torch.equal(value, before[name]) for name, value in three.state_dict().items())
+    assert torch.equal(three.logits(**sample()), expected)
+
+
 @pytest.mark.parametrize("name", ["Headed", "Recurrent"])
 def test_a_network_of_ones_own_with_a_head_is_fused_and_classifies_alone(name):
     trust("own_networks")

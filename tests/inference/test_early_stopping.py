@@ -14,7 +14,7 @@ from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.classifier.vote import RULES
 from tex_lightning.config import DecisionConfig
 from tex_lightning.errors import UserError
-from tex_lightning.inference.early_stopping import SequentialClassifier, decide
+from tex_lightning.inference.early_stopping import decide
 from tex_lightning.inference.engine import Costs
 from tex_lightning.inference.prediction import describe
 from tex_lightning_runtime.quality import Quality
@@ -79,19 +79,23 @@ def spent(function) -> int:
 @pytest.mark.parametrize("level", ["fc2", "fc3"])
 def test_costs_known_in_advance_are_those_of_the_pass(level):
     model = classifier("three", level)
-    costs = Costs(model.card)
+    costs = Costs.of_card(model.card)
     inputs = given("three", 0)
     sizes = {"visual": (800, 1000)}
     for name in ("haptic", "sound"):
         sizes[name] = 50, model.senses[name].features.count_frames(inputs[name])
     total = sum(costs.of(name, *size) for name, size in sizes.items())
     assert total == spent(lambda: model.logits(**inputs))
+    for name, size in sizes.items():  # where the other senses are absent
+        alone, modality = model.with_senses([name]), model.senses[name].modality
+        found = costs.with_senses([name]).of(name, *size)
+        assert found == spent(lambda alone=alone, it=modality: alone.logits(**{it: inputs[it]}))
 
 
 @pytest.mark.parametrize("threshold", [0.0, NEVER])
 def test_a_trace_costs_its_beginnings_and_the_whole_where_they_do_not_decide(threshold):
     model = classifier("haptic")
-    sequential = SequentialClassifier(model, replace(CONFIG, confidence_threshold=threshold))
+    sequential = decide(model, replace(CONFIG, confidence_threshold=threshold))
     long = trace(0, 20.0)
     vote, whole = (each.classify(haptic=long) for each in (sequential, model))  # counts costs
     counted, full = (
@@ -118,11 +122,11 @@ def count_positions(monkeypatch, network: nn.Module) -> list[int]:
 def test_fusion_looks_at_the_photo_only_where_the_trace_is_not_enough(monkeypatch):
     model = classifier("fusion")
     rows = count_positions(monkeypatch, model.senses["visual"].network)
-    quick = SequentialClassifier(model, replace(CONFIG, confidence_threshold=0.0))
+    quick = decide(model, replace(CONFIG, confidence_threshold=0.0))
     vote = quick.classify(**given("fusion", 0))
     assert rows == []
     assert 0 < vote.relative_macs < 1
-    SequentialClassifier(model, CONFIG).classify(**given("fusion", 0))
+    decide(model, CONFIG).classify(**given("fusion", 0))
     assert rows
 
 

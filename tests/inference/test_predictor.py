@@ -72,6 +72,29 @@ def test_a_photo_is_the_same_in_every_form(fusion, tmp_path):
     assert essence(fusion.predict(image=grey)) == essence(fusion.predict(image=as_colours))
 
 
+@pytest.mark.parametrize("decision", ["max_vote", "sequential"])
+def test_what_decides_by_some_senses_is_chosen_and_not_built(untrained, monkeypatch, decision):
+    loaded = tl.load(untrained, f"decision={decision}")
+    parts, trained = loaded.deciders.fast, loaded.classifier.senses
+    for name, sense in parts["haptic", "visual"].senses.items():
+        alone = parts[name,].senses[name]
+        assert alone.features is sense.features
+        shared = {id(weight) for weight in sense.network.parameters()}
+        own = [weight for weight in alone.network.parameters() if id(weight) not in shared]
+        assert [weight.shape[:1] for weight in own] == [(3,), (3,)]  # of the scores
+        assert not shared & {id(weight) for weight in trained[name].network.parameters()}
+
+    def build(*_, **__):
+        raise AssertionError("a classifier or a copy was made inside of a prediction")
+
+    for place in ("SurfaceClassifier.__init__", "deepcopy", "independent_copy", "shared_copy"):
+        monkeypatch.setattr(f"tex_lightning.classifier.classifier.{place}", build)
+    both, haptic = loaded.predict(haptic=TRACE, image=PHOTO), loaded.predict(haptic=TRACE)
+    assert (both.fragments, haptic.modalities) == (50, ("haptic",))
+    assert loaded.predict(image=PHOTO).modalities == ("image",)
+    assert loaded.stream("haptic").push(TRACE).label == haptic.label
+
+
 @pytest.mark.parametrize("rule", ["vote", "mean", "score"])
 def test_a_stream_ends_with_the_prediction_of_the_whole(untrained, rule):
     haptic = tl.load(untrained / "checkpoints" / "haptic.ckpt", f"decision.rule={rule}")

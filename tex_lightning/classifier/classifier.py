@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple, Protocol, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -25,7 +25,13 @@ from tex_lightning.core.files import write_atomically
 from tex_lightning.data.recordings import Recording
 from tex_lightning.errors import UserError
 from tex_lightning.networks.archives import SizeLimit, check_numbers
-from tex_lightning.networks.blocks import Head, Level, independent_copy, score_layer_of
+from tex_lightning.networks.blocks import (
+    Head,
+    Level,
+    independent_copy,
+    score_layer_of,
+    shared_copy,
+)
 from tex_lightning.networks.fusionnet import FusionLayer
 from tex_lightning.senses.base import Sense, content, make_sense
 
@@ -46,14 +52,37 @@ class SenseOutput(NamedTuple):
     novelty: Tensor | None
 
 
+class Decider(Protocol):
+    """What decides on a sample: a network, a baseline, or a sequential decision.
+
+    Attributes:
+        card: Card of what computes the scores, with the rule that decides.
+    """
+
+    card: Card
+
+    @property
+    def device(self) -> torch.device:
+        """Where it computes."""
+
+    def classify(self, **recordings: Tensor) -> Vote:
+        """Decide on one sample of decoded recordings by modality.
+
+        Raises:
+            UserError: If a modality that it needs is absent, or a recording is too small.
+        """
+
+
 class SurfaceClassifier(nn.Module):
-    """Classify decoded recordings.
+    """Classify decoded recordings; it is the :class:`Decider` of all fragments.
 
     A single sense is classified by its class scores; those of several senses add up (FusionNet).
 
     Args:
         card: Card of the classifier.
         senses: Existing senses of the card; None makes them, with random weights.
+        fusion: Existing fusion layer of several senses; None makes it, with random weights, and
+            removes the score layers that it replaces.
 
     Attributes:
         card: Plain values from which the classifier was built.
@@ -82,7 +111,12 @@ class SurfaceClassifier(nn.Module):
     fusion: FusionLayer | None
     statistics: nn.ModuleDict
 
-    def __init__(self, card: Card, senses: dict[str, Sense] | None = None) -> None:
+    def __init__(
+        self,
+        card: Card,
+        senses: dict[str, Sense] | None = None,
+        fusion: FusionLayer | None = None,
+    ) -> None:
         super().__init__()
         self.card = card
         if senses is None:
@@ -90,8 +124,8 @@ class SurfaceClassifier(nn.Module):
             for name, node in card.senses.items():
                 senses[name] = make_sense(name, node, len(card.classes))
         self.senses = cast(Mapping[str, Sense], nn.ModuleDict(senses))
-        self.fusion = None
-        if card.kind == FUSION:
+        self.fusion = fusion
+        if card.kind == FUSION and fusion is None:
             networks = [sense.network for sense in senses.values()]
             self.fusion = FusionLayer(*networks, classes=len(card.classes), **card.fusion)
             self.fusion.remove_scores(networks)
@@ -330,26 +364,25 @@ class SurfaceClassifier(nn.Module):
 
     @torch.no_grad()
     def with_senses(self, senses: Sequence[str]) -> "SurfaceClassifier":
-        """Return a copy with some of the senses, for samples that lack the others.
+        """Return the classifier by some of the senses, for samples that lack the others.
 
-        If FC2 is fused, a single sense has no FC3; its scores are its part of the fusion layer, so
-        that the scores of all senses add up to those of the fusion. If FC3 is fused, its scores are
-        those of its network.
+        Features, networks and statistics are shared with this one. If FC2 is fused, a single sense
+        has no FC3; its scores are its part of the fusion layer, so that the scores of all senses
+        add up to those of the fusion. If FC3 is fused, its scores are those of its network.
         """
         if self.fusion is None or tuple(senses) == self.card.sense_names:
             return self
-        part = SurfaceClassifier(self.card.of(senses))
-        parts = nn.ModuleDict({name: independent_copy(self.senses[name]) for name in senses})
-        fresh, part.senses = part.senses, cast(Mapping[str, Sense], parts)
+        chosen = {name: self.senses[name] for name in senses}
         layer = _sublayer(self.fusion, [self._index(name) for name in senses])
-        if len(senses) > 1:
-            part.fusion = layer
-        elif layer.levels[0] == "fc2":
-            _set_scores(part.network, fresh[senses[0]].network, layer.head)
+        if len(senses) == 1 and layer.levels[0] == "fc2":
+            (name,) = senses
+            chosen[name] = _scored_by(chosen[name], layer.head)
+        fusion = layer if len(senses) > 1 else None
+        part = SurfaceClassifier(self.card.of(senses), chosen, fusion)
         for name in senses:
             if name in self.statistics:
-                part.statistics[name] = deepcopy(self.statistics[name])
-        return part.to(self.device).train(self.training)
+                part.statistics[name] = self.statistics[name]
+        return part.train(self.training)
 
     def require(self, available: Sequence[str] | dict[str, Any]) -> None:
         """Reject a sample that lacks a modality.
@@ -374,19 +407,30 @@ def _sublayer(layer: FusionLayer, indices: Sequence[int]) -> FusionLayer:
     columns = torch.split(layer.head.weight, layer.sizes, dim=1)
     part.levels = [layer.levels[index] for index in indices]
     part.sizes = [layer.sizes[index] for index in indices]
-    part.head.weight = nn.Parameter(torch.cat([columns[index] for index in indices], dim=1))
+    weight = torch.cat([columns[index] for index in indices], dim=1)
+    part.head.weight = nn.Parameter(weight, layer.head.weight.requires_grad)
     if len(layer.sizes) - 1 not in indices:
         part.head.bias.zero_()
     return part
 
 
-def _set_scores(network: Any, fresh: Any, head: nn.Linear) -> None:  # noqa: ANN401
-    """Restore the removed scores of a network from a fusion layer of it alone."""
+def _scored_by(sense: Sense, layer: nn.Linear) -> Sense:
+    """Return a sense whose network has the scores of a fusion layer of it alone.
+
+    The removed scores of a network of this package are restored, and all other modules are shared;
+    another network is copied, since its score layer may stand anywhere in it.
+    """
+    network: Any = sense.network
     if isinstance(getattr(network, "head", None), Head):
-        network.head.scores = fresh.head.scores
-    layer = network.score_layer
-    layer.weight.copy_(head.weight.reshape(layer.weight.shape))
-    layer.bias.copy_(head.bias)
+        network = shared_copy(network, head=shared_copy(network.head))
+        network.head.restore_scores(layer.weight.shape[1], layer.weight.shape[0])
+    else:
+        network = independent_copy(network)
+    scores = network.score_layer.to(layer.weight)  # its device and type
+    scores.weight.copy_(layer.weight.reshape(scores.weight.shape))
+    scores.bias.copy_(layer.bias)
+    scores.requires_grad_(layer.weight.requires_grad)
+    return shared_copy(sense, network=network.train(sense.training))
 
 
 def join_novelties(outputs: Iterable[SenseOutput]) -> Tensor | None:

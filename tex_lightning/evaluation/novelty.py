@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import Decider
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store
 from tex_lightning.evaluation.calibration import auroc, confidences
@@ -16,7 +16,7 @@ Tested = tuple[Sequence[Outcome], Sequence[Outcome], float | None]
 
 
 def report_unknown(
-    classifier: SurfaceClassifier,
+    classifier: Decider,
     samples: Sequence[Sample],
     store: Store,
     directory: Path,

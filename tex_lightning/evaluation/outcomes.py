@@ -18,7 +18,7 @@ import scipy  # whose parts are loaded when they are used
 import torch
 
 from tex_lightning import __version__
-from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import Decider
 from tex_lightning.classifier.vote import Vote
 from tex_lightning.core.devices import synchronise
 from tex_lightning.core.files import read_rows, write_rows, write_text
@@ -209,9 +209,7 @@ WARM_UP = 2
 NOT_TRAINED = -1  # index of a class that is none of the classifier's
 
 
-def classify_sample(
-    classifier: SurfaceClassifier, sample: Sample, store: Store
-) -> tuple[Vote, float]:
+def classify_sample(classifier: Decider, sample: Sample, store: Store) -> tuple[Vote, float]:
     """Classify one sample; the time in ms runs from decoded recordings to the label.
 
     Raises:
@@ -231,7 +229,7 @@ def classify_sample(
 
 
 def run_test(
-    classifier: SurfaceClassifier,
+    classifier: Decider,
     samples: Sequence[Sample],
     store: Store,
     fold: int | None = None,

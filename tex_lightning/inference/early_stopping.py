@@ -14,13 +14,19 @@ A single photo, and a trace of which the mean score decides, are taken whole.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 from math import inf
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.classifier.classifier import SenseOutput, SurfaceClassifier, join_novelties
+from tex_lightning.classifier.classifier import (
+    Decider,
+    SenseOutput,
+    SurfaceClassifier,
+    join_novelties,
+)
 from tex_lightning.classifier.vote import Vote
 from tex_lightning.config import DecisionConfig, EngineConfig
 from tex_lightning.errors import UserError
@@ -29,50 +35,84 @@ from tex_lightning.senses.base import Sense
 from tex_lightning.senses.features.movement import movement_start
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
-MAX_VOTE, SEQUENTIAL = "max_vote", "sequential"
+SEQUENTIAL = "sequential"
 MAX_WASTE = 0.5  # of the full pass, that undecided beginnings of a trace may cost
-
-
-def decide(classifier: SurfaceClassifier, config: DecisionConfig) -> SurfaceClassifier:
-    """Return a classifier with the decision rule of ``config``.
-
-    Args:
-        classifier: In evaluation mode, as it is to run.
-        config: ``name`` and the thresholds.
-
-    Raises:
-        UserError: If a baseline is to decide sequentially.
-    """
-    if config.name == MAX_VOTE:
-        return classifier
-    if classifier.card.baseline:
-        raise UserError(
-            f"decision=sequential needs a network, and {classifier.card.title} "
-            "looks at the whole recording at once; use decision=max_vote."
-        )
-    return SequentialClassifier(classifier, config)
 
 
 def make_inference_model(
     classifier: SurfaceClassifier,
     engine: EngineConfig,
     decision: DecisionConfig,
-    *,
-    novelty: bool = True,
-) -> SurfaceClassifier:
-    """Prepare a classifier for tests and prediction: accelerated, with the configured decision.
+) -> Decider:
+    """Prepare a classifier for tests: accelerated, with the configured decision.
 
     Args:
         classifier: Trained; it is left as it is.
         engine: Settings of the accelerated copy.
         decision: Threshold of unknown recordings, early stopping.
-        novelty: Whether votes say how unlike the training a sample is, where statistics are known.
+
+    Raises:
+        UserError: If a baseline is to decide sequentially.
     """
     fast = accelerate(classifier, engine)
-    if not novelty:
-        fast.statistics = nn.ModuleDict()
     fast.card = fast.card.deciding(decision)
     return decide(fast, decision)
+
+
+def decide(
+    full: SurfaceClassifier, decision: DecisionConfig, costs: Costs | None = None
+) -> Decider:
+    """Return what decides with a classifier as ``decision`` says.
+
+    Args:
+        full: In evaluation mode, as it is to run.
+        decision: ``name`` and the threshold.
+        costs: Costs of the classifier, for a sequential decision; None counts them.
+
+    Raises:
+        UserError: If a baseline is to decide sequentially.
+    """
+    if decision.name != SEQUENTIAL:
+        return full
+    if full.card.baseline:
+        raise UserError(
+            f"decision=sequential needs a network, and {full.card.title} looks at the whole "
+            "recording at once; use decision=max_vote."
+        )
+    return SequentialDecision(full, decision, costs or Costs.of_card(full.card))
+
+
+class Deciders:
+    """What decides on samples of all senses, or of some: made once, and chosen for each sample.
+
+    Args:
+        classifier: Trained; it is left as it is.
+        engine: Settings of the accelerated copy, whose networks all deciders share.
+        decision: Threshold of unknown recordings, early stopping.
+
+    Attributes:
+        fast: The accelerated classifier by senses, of every subset of them.
+        by: What decides, by the same.
+
+    Raises:
+        UserError: If a baseline is to decide sequentially.
+    """
+
+    def __init__(
+        self, classifier: SurfaceClassifier, engine: EngineConfig, decision: DecisionConfig
+    ) -> None:
+        fast, senses = accelerate(classifier, engine), classifier.card.sense_names
+        fast.card = fast.card.deciding(decision)
+        if fast.card.unknown_above is None:  # nobody asks how novel a sample is
+            fast.statistics = nn.ModuleDict()
+        subsets = [some for count in range(len(senses)) for some in combinations(senses, count + 1)]
+        self.fast = {subset: fast.with_senses(subset) for subset in subsets}
+        whole = decide(fast, decision)
+        costs = whole.costs if isinstance(whole, SequentialDecision) else None
+        self.by = {
+            subset: decide(part, decision, costs and costs.with_senses(subset))
+            for subset, part in self.fast.items()
+        }
 
 
 def is_local(sense: Sense) -> bool:
@@ -89,22 +129,21 @@ def is_confident(probability: float, threshold: float) -> bool:
     return probability >= (threshold if threshold < 1 else inf)
 
 
-class SequentialClassifier(SurfaceClassifier):
-    """A classifier that computes only the fragments that it needs; see the module.
+class SequentialDecision:
+    """A decision that computes only the fragments that it needs; see the module.
 
     Args:
-        classifier: Computes; its full vote is the decision that is spared.
+        full: Computes; its full vote is the decision that is spared.
         config: ``confidence_threshold``.
+        costs: Costs of ``full``.
 
     Attributes:
+        card: Card of ``full``.
         threshold: Mean probability at which some senses, or the beginning of a trace, decide.
     """
 
-    def __init__(self, classifier: SurfaceClassifier, config: DecisionConfig) -> None:
-        nn.Module.__init__(self)
-        self.card = classifier.card
-        self.full = classifier
-        self.costs = Costs(classifier.card)
+    def __init__(self, full: SurfaceClassifier, config: DecisionConfig, costs: Costs) -> None:
+        self.card, self.full, self.costs = full.card, full, costs
         self.densities: dict[str, float] = {}  # multiply-accumulates for each number of an input
         self.threshold = config.confidence_threshold
         self.novelty_limits: dict[tuple[str, ...], float | None] = {}
@@ -114,14 +153,10 @@ class SequentialClassifier(SurfaceClassifier):
         """Where it computes."""
         return self.full.device
 
-    def logits(self, **recordings: Tensor) -> Tensor:
-        """Return class scores of all fragments; see the base class."""
-        return self.full.logits(**recordings)
-
     @torch.inference_mode()
     def classify(self, **recordings: Tensor) -> Vote:
         """Decide on one sample; ``relative_macs`` is the share of the arithmetic done."""
-        self.require(recordings)
+        self.full.require(recordings)
         senses = self.full.senses
         if len(senses) > 1:
             return self._several(senses, recordings)

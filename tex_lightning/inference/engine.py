@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from itertools import product
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import torch
 from torch import Tensor, nn
@@ -20,7 +20,7 @@ from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
 from tex_lightning.core.console import log_once
-from tex_lightning.networks.blocks import Level, independent_copy, is_builtin
+from tex_lightning.networks.blocks import Level, independent_copy, is_builtin, shared_copy
 from tex_lightning.networks.folding import FastResponseNorm, fold_batch_norm, sequences
 from tex_lightning.senses.base import Sense
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
@@ -42,7 +42,7 @@ class Probe(NamedTuple):
 
 
 def accelerate(classifier: SurfaceClassifier, config: EngineConfig) -> SurfaceClassifier:
-    """Copy a classifier for inference as ``config`` says; a baseline stays as it is.
+    """Copy a classifier for inference as ``config`` says; a copy of a baseline shares it.
 
     Args:
         classifier: A trained classifier on any device; it is left as it is.
@@ -52,7 +52,7 @@ def accelerate(classifier: SurfaceClassifier, config: EngineConfig) -> SurfaceCl
         An independent classifier on the same device, in evaluation mode and without gradients.
     """
     if classifier.card.baseline:
-        return classifier
+        return shared_copy(classifier)
     device = classifier.device
     # on the CPU: not every device computes in float64
     fast = independent_copy(classifier).cpu().eval().requires_grad_(False)
@@ -187,21 +187,30 @@ def count_macs(function: Callable[[], object]) -> int:
 
 
 class Costs:
-    """Multiply-accumulates of a card's network, counted on tensors that hold nothing.
+    """Multiply-accumulates of a classifier, counted on tensors that hold nothing.
 
     Convolutions and matrix products are counted; features, pooling and normalisation are not.
 
     Args:
-        card: Card of one of this package's networks.
+        classifier: Classifier on the meta device, as it was trained and not accelerated.
 
     Attributes:
         of: Multiply-accumulates of one sense with its part of a fusion layer, by its name and the
             height and width of its input.
     """
 
-    def __init__(self, card: Card) -> None:
-        self.classifier = SurfaceClassifier(card).eval().to("meta")
+    def __init__(self, classifier: SurfaceClassifier) -> None:
+        self.classifier = classifier
         self.of = lru_cache(self._of)
+
+    @classmethod
+    def of_card(cls, card: Card) -> Self:
+        """Return the costs of a card's classifier."""
+        return cls(SurfaceClassifier(card).eval().to("meta"))
+
+    def with_senses(self, senses: Sequence[str]) -> "Costs":
+        """Return the costs where the other senses are absent."""
+        return Costs(self.classifier.with_senses(senses))
 
     def _of(self, sense: str, height: int, width: int) -> int:
         classifier, part = self.classifier, self.classifier.senses[sense]

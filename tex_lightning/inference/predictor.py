@@ -20,8 +20,7 @@ from tex_lightning.core.devices import pick_device, synchronise, use_tf32
 from tex_lightning.core.run_folder import find_checkpoint
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.errors import UserError
-from tex_lightning.inference.early_stopping import make_inference_model
-from tex_lightning.inference.engine import accelerate
+from tex_lightning.inference.early_stopping import Deciders
 from tex_lightning.inference.prediction import Prediction, check_unknown, describe
 from tex_lightning.inference.stream import LiveStream
 from tex_lightning.senses.base import Sense
@@ -94,7 +93,7 @@ class Predictor:
         self.classifier = classifier.to(pick_device(config.trainer.accelerator))
         self.card: Card = classifier.card.deciding(config.decision)
         check_unknown(self.card, bool(classifier.statistics))
-        self._deciders: dict[tuple[str, ...], SurfaceClassifier] = {}
+        self.deciders = Deciders(self.classifier, config.engine, config.decision)
 
     def predict(self, *, rate: Rate = None, colour: str = "rgb", **recordings: Input) -> Prediction:
         """Classify one sample; a FusionNet works with some of its senses.
@@ -114,7 +113,7 @@ class Predictor:
         """
         inputs = {name: value for name, value in recordings.items() if value is not None}
         self.check_senses(inputs)
-        decider = self._decider(self._senses(inputs))
+        decider = self.deciders.by[self._senses(inputs)]
         begin = time.perf_counter()
         try:
             decoded = self.decoded(inputs, rate=rate, colour=colour)
@@ -225,13 +224,10 @@ class Predictor:
                 "A live stream takes signals as they come and photos as they are; "
                 + (f"{unfit[0]} is given as the other." if unfit else "give a signal.")
             )
-        engine = accelerate(
-            self.classifier.with_senses(self._senses(modalities)), self.config.engine
-        )
-        engine.card = engine.card.deciding(self.config.decision)
+        fast = self.deciders.fast[self._senses(modalities)]
         decoded = self.decoded(fixed, colour=colour)
         rates = {name: rate.get(name) if isinstance(rate, Mapping) else rate for name in signals}
-        return LiveStream(engine, rates, decoded, self.config.stream, self.config.top_k)
+        return LiveStream(fast, rates, decoded, self.config.stream, self.config.top_k)
 
     def check_senses(self, modalities: Collection[str]) -> None:
         """Reject an empty input, or a modality that this checkpoint does not use.
@@ -254,16 +250,6 @@ class Predictor:
         """Return those whose recordings are there."""
         senses = self.classifier.senses.items()
         return tuple(name for name, sense in senses if sense.modality in modalities)
-
-    def _decider(self, senses: tuple[str, ...]) -> SurfaceClassifier:
-        """Return what decides by these senses: of a FusionNet perhaps a part."""
-        if senses not in self._deciders:
-            part = self.classifier.with_senses(senses)
-            needed = self.card.unknown_above is not None
-            self._deciders[senses] = make_inference_model(
-                part, self.config.engine, self.config.decision, novelty=needed
-            )
-        return self._deciders[senses]
 
     def decoded(
         self, inputs: Mapping[str, Input], *, rate: Rate = None, colour: str = "rgb"

@@ -1,7 +1,7 @@
 """Shared parts of the networks: channel scaling, geometry, layers, initialisation, the head."""
 
 from collections.abc import Iterable
-from copy import deepcopy
+from copy import copy, deepcopy
 from typing import Literal, NamedTuple, TypeVar, cast
 
 from torch import Tensor, nn
@@ -103,6 +103,13 @@ def independent_copy(module: M) -> M:
     return deepcopy(module, {id(x): x.detach().clone() for x in results})
 
 
+def shared_copy(module: M, **changed: nn.Module) -> M:
+    """Return a module with the same submodules and weights, but for those that are given."""
+    shared = copy(module)
+    shared._modules = {**module._modules, **changed}
+    return shared
+
+
 def scaled(channels: int, width: float) -> int:
     """Scale a channel count by the width factor, keeping at least one channel."""
     return max(1, round(channels * width))
@@ -171,11 +178,16 @@ class Head(nn.Module):
 
     def __init__(self, hidden: nn.Sequential, features: int, classes: int, dropout: float) -> None:
         super().__init__()
-        scores = nn.Conv2d(features, classes, 1)
-        self.hidden = hidden
-        self.scores: nn.Module = nn.Sequential(nn.Dropout(dropout), scores)
+        self.hidden, self.dropout = hidden, dropout
+        self.scores: nn.Module = nn.Identity()
+        self.restore_scores(features, classes)
         initialise(hidden)
-        initialise_scores(scores)
+        initialise_scores(self.score_layer)
+
+    def restore_scores(self, features: int, classes: int) -> None:
+        """Put dropout and FC3, with other weights, where a fusion has removed them."""
+        layer = nn.Conv2d(features, classes, 1)
+        self.scores = nn.Sequential(nn.Dropout(self.dropout), layer)
 
     @property
     def score_layer(self) -> nn.Conv2d:
