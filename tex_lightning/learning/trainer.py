@@ -2,6 +2,8 @@
 
 import logging
 import re
+import signal
+import threading
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
@@ -259,7 +261,7 @@ def fit_network(
         UserError: If batches are too small for batch normalisation.
         KeyboardInterrupt: If the user stopped it.
     """
-    bar = trainer.progress_bar_callback
+    bar, handler = trainer.progress_bar_callback, signal.getsignal(signal.SIGINT)
     try:
         with nullcontext() if bar is None or isinstance(bar, ProgressBar) else hidden():
             # The folder holds only this package's own checkpoints of plain values and tensors.
@@ -271,7 +273,9 @@ def fit_network(
             "Batch normalisation takes more than one position of a batch; raise "
             f"model.{module.kind}.fit.batch_size, or set norm=none of what is trained."
         ) from error
-    except SystemExit as stop:  # Lightning's answer to Ctrl-C
+    except SystemExit as stop:  # Lightning's answer to Ctrl-C, which it ignores from then on
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, handler)  # a notebook goes on
         raise KeyboardInterrupt from stop
     if trainer.state.status == TrainerStatus.INTERRUPTED:
         raise KeyboardInterrupt
