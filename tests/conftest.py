@@ -19,13 +19,16 @@ import torch
 from filelock import FileLock
 from hydra._internal.hydra import Hydra
 from hypothesis import settings
+from omegaconf import OmegaConf
 from PIL import Image
 from second_device import chosen
 
 from tex_lightning.__main__ import main
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_state
+from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config, read_config
+from tex_lightning.config.instantiation import named_classes
 from tex_lightning.networks.trunks import TRUNKS
 from tex_lightning.networks.visualnet import VisualNet
 
@@ -262,6 +265,15 @@ def swept(run_once, tiny) -> Path:
     """A sweep over two folds."""
     folds = ("data.test_fold=0,1", "data.val_fold=null")
     return run_once("-m", "hydra.sweep.dir=${hydra.run.dir}", "model=mfcc_nb", *folds, *tiny)
+
+
+def configured_classes() -> set[str]:
+    """Every class that the package's configuration puts into a card."""
+    named = set()
+    for file in [path for group in ("sense", "model", "trunk") for path in CONF.glob(f"{group}/*")]:
+        content = OmegaConf.to_container(OmegaConf.load(file))
+        named |= {*named_classes({key: each for key, each in content.items() if key != "fusion"})}
+    return named
 
 
 @functools.cache

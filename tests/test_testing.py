@@ -10,7 +10,7 @@ import numpy as np
 import own_networks
 import pytest
 import torch
-from conftest import make_photo, make_trace
+from conftest import configured_classes, make_photo, make_trace
 from haptic_sets import write_cluster, write_tum
 from own_baselines import Loudness
 from own_parts import Frames, SpoiltNet
@@ -20,7 +20,7 @@ import tex_lightning as tl
 from tex_lightning.baselines.base import Baseline
 from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config, read_config
-from tex_lightning.config.instantiation import CLASSES, build, find_class
+from tex_lightning.config.instantiation import build, find_class
 from tex_lightning.core.contract import fault_of
 from tex_lightning.data.readers.folder import FolderReader, ManifestReader
 from tex_lightning.data.readers.published import PatternReader, TumReader
@@ -71,7 +71,7 @@ def baseline(name: str) -> Baseline:
 
 def named(base: type) -> set[type]:
     """All trusted classes of a kind."""
-    classes = {find_class("", {"_target_": name}) for name in CLASSES}
+    classes = {find_class("", {"_target_": name}) for name in configured_classes()}
     return {cls for cls in classes if issubclass(cls, base)}
 
 

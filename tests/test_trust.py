@@ -1,14 +1,15 @@
 """A checkpoint is data: nothing that it names or holds is run."""
 
 import copy
+import importlib
+import pkgutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 import skops.io
 import torch
-from conftest import make_card
-from omegaconf import OmegaConf
+from conftest import configured_classes, make_card
 from sklearn.naive_bayes import GaussianNB
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
@@ -17,8 +18,7 @@ import tex_lightning as tl
 from tex_lightning.baselines.base import dump_estimator, load_estimator
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_state
-from tex_lightning.config import CONF
-from tex_lightning.config.instantiation import CLASSES, named_classes, trust
+from tex_lightning.config.instantiation import own_part, trust
 
 CARD = make_card("haptic", classes=["a", "b"], width=0.1)
 PLAN = {"fit": {"head_factor": 1.0}, "seed": 0, "pieces": {"haptic": 200}}
@@ -107,12 +107,41 @@ def test_trust_holds_for_the_process(tmp_path, monkeypatch):
     assert type(tl.load(path).classifier.network).__name__ == "Net"
 
 
-def test_every_class_that_the_configuration_puts_into_a_card_may_be_named():
-    named = set()
-    for file in [path for group in ("sense", "model", "trunk") for path in CONF.glob(f"{group}/*")]:
-        content = OmegaConf.to_container(OmegaConf.load(file))
-        named |= {*named_classes({key: each for key, each in content.items() if key != "fusion"})}
-    assert named == CLASSES
+def test_no_other_class_of_the_package_may_be_named_than_the_configuration_puts_into_a_card():
+    """No list names them, and no class is among them by chance."""
+    trusted = set()
+    for module in pkgutil.walk_packages(tl.__path__, "tex_lightning."):
+        if not module.name.endswith("__main__"):
+            names = vars(importlib.import_module(module.name))
+            trusted |= {f"{module.name}.{name}" for name in names}
+    assert {target for target in trusted if own_part(target)} == configured_classes()
+
+
+@pytest.mark.parametrize(
+    "target",
+    [
+        "tex_lightning.senses.base.Sense",  # a base
+        "tex_lightning.networks.HapticNet",  # not where it is defined
+        "tex_lightning.networks.trunks.base.Trunk",
+        "tex_lightning.baselines.base.EstimatorBaseline",
+        "tex_lightning.baselines.classifier.FittedBaseline",
+        "tex_lightning.networks.blocks.Head",
+        "tex_lightning.networks.hapticnet.HapticNet.features",
+        "tex_lightning.networks.hapticnet.nn.Sequential",
+        "tex_lightning.networks.weights.Path",
+        "tex_lightning.networks.nothing.Net",
+        "tex_lightning.networks..hapticnet.HapticNet",
+        "tex_lightning.networks.\0.Net",
+        "tex_lightning.testing._MeanNet",
+        "tex_lightning.tasks.fit.run",
+        "tex_lightning",
+        "",
+    ],
+)
+def test_what_is_no_part_of_a_card_is_refused_though_it_is_the_packages(tmp_path, target):
+    path = write(tmp_path, {"senses.haptic.network._target_": target})
+    with pytest.raises(tl.UserError, match="is not trusted: give trusted="):
+        tl.load(path)
 
 
 def forged(run: Path, folder: Path, estimator: object = None, **node: object) -> Path:

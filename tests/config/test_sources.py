@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from conftest import configured_classes
 
-from tex_lightning.config.instantiation import CLASSES, find_class
+from tex_lightning.config.instantiation import find_class
 from tex_lightning.config.keys import Key, without_extras
 from tex_lightning.config.signatures import signature_of
 from tex_lightning.config.sources import read_signature
@@ -20,7 +21,7 @@ READERS = [
 ]
 
 
-@pytest.mark.parametrize("target", sorted(CLASSES) + DECODERS + READERS)
+@pytest.mark.parametrize("target", sorted(configured_classes()) + DECODERS + READERS)
 def test_a_class_of_the_package_has_the_signature_that_python_gives_it(target):
     read = read_signature(target)
     known = signature_of(find_class("x", {"_target_": target}))

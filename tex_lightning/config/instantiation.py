@@ -8,6 +8,7 @@ because importing a module runs its code, and is called with plain values (:func
 import inspect
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import is_dataclass
+from importlib import import_module
 from types import NoneType
 from typing import Any
 
@@ -128,31 +129,13 @@ def _checked(
     return typed
 
 
-# A new class of conf/sense, conf/model or conf/trunk is added here.
-CLASSES = frozenset(
-    f"tex_lightning.{name}"
-    for name in (
-        "senses.photo.PhotoSense",
-        "senses.signal.SignalSense",
-        "senses.features.image.ImageFeatures",
-        "senses.features.proportions.BandProportions",
-        "senses.features.spectrogram.SpectrogramFeatures",
-        "networks.hapticnet.HapticNet",
-        "networks.linear.LinearNet",
-        "networks.visualnet.VisualNet",
-        "networks.trunks.alexnet.CaffeAlexNet",
-        "networks.trunks.efficientnet_lite.EfficientNetLite0",
-        "networks.trunks.efficientnet_lite.EfficientNetLite2",
-        "networks.trunks.alexnet.TcnnTrunk",
-        "networks.trunks.vgg_m.VggMTrunk",
-        "baselines.acnn.RawNetwork",
-        "baselines.fisher.FisherVectors",
-        "baselines.mfcc.MfccMixtures",
-        "baselines.mfcc.MfccNaiveBayes",
-        "baselines.patterns.LocalBinaryPatterns",
-        "baselines.rocket.MiniRocket",
-    )
+# Where this package's parts are, and what they derive from: names, since importing takes seconds
+PLACES = tuple(f"{OWN}{name}." for name in ("senses", "networks", "baselines"))
+BASES = frozenset(
+    f"{OWN}{name}"
+    for name in ("senses.base.Sense", "networks.trunks.base.Trunk", "baselines.base.Baseline")
 )
+MODULE = "torch.nn.modules.module.Module"
 _TRUSTED: set[str] = set()  # packages and single classes, of the whole process
 
 
@@ -174,6 +157,30 @@ def named_classes(node: object) -> Iterator[str]:
             yield from named_classes(item)
 
 
+def own_part(target: str) -> type[Any] | None:
+    """Return the class of this package that a card may name so, or None.
+
+    That is a sense, trunk or baseline, a module of features, or a network, which has ``features``;
+    named where it is defined, and no base of others. Nothing but these packages is imported.
+    """
+    module, _, name = target.rpartition(".")
+    if not target.startswith(PLACES) or not all(map(str.isidentifier, target.split("."))):
+        return None
+    try:
+        cls = getattr(import_module(module), name, None)
+    except ModuleNotFoundError as error:
+        if error.name is None or not error.name.startswith(OWN):  # a library is not installed
+            raise
+        return None
+    if not isinstance(cls, type) or f"{cls.__module__}.{cls.__qualname__}" != target:
+        return None
+    bases = {f"{base.__module__}.{base.__qualname__}" for base in cls.__mro__[1:]}
+    is_features = target.startswith(f"{OWN}senses.features.")
+    is_network = target.startswith(f"{OWN}networks.") and hasattr(cls, "features")
+    known = bases & BASES or (MODULE in bases and (is_features or is_network))
+    return cls if known and not inspect.isabstract(cls) else None
+
+
 def trusted_class(where: str, node: Mapping[str, Any]) -> type[Any]:
     """Return the class that a node of a card names.
 
@@ -188,7 +195,9 @@ def trusted_class(where: str, node: Mapping[str, Any]) -> type[Any]:
         UserError: If the class is not trusted; nothing of its package was imported.
     """
     target = str(node.get(TARGET)) if isinstance(node, Mapping) else ""
-    if target in CLASSES or target in _TRUSTED:
+    if (part := own_part(target)) is not None:
+        return part
+    if target in _TRUSTED:
         return find_class(where, node)
     package = _package(target)
     if package not in _TRUSTED and package not in installed_packages():  # which reads folders
