@@ -194,11 +194,13 @@ def test_only_the_listed_types_are_read_and_written(estimator):
 @pytest.mark.parametrize(
     ("key", "value", "said"),
     [
-        ("senses.haptic.decode.sampling_rate", 1e9, "decode.sampling_rate is 1000000000"),
+        ("senses.haptic.decode.sampling_rate", 1e9, r"decode.sampling_rate is 1e\+09"),
         ("decision.pairs", 10**9, "decision.pairs is 1000000000"),
-        ("senses.haptic.width", 90.0, "more weights than the file"),
-        ("senses.haptic.window_seconds", 1e3, "takes up too much memory"),
-        ("senses.haptic.hop_seconds", 1e-9, "takes up too much memory"),
+        ("senses.haptic.width", 8.0, "more weights than the file"),
+        ("senses.haptic.width", 90.0, "model.haptic.width is 90: give a number in"),
+        ("senses.haptic.window_seconds", 1e3, "haptic.window_seconds is 1000: give a number in"),
+        ("senses.haptic.window_seconds", 10.0, "takes up too much memory"),
+        ("senses.haptic.hop_seconds", 1e-4, "takes up too much memory"),
     ],
 )
 def test_sizes_that_a_file_asks_for_are_bounded(tmp_path, key, value, said):

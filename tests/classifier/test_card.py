@@ -47,7 +47,9 @@ def test_a_value_that_cannot_be_meant_is_said_when_it_is_loaded(tmp_path, key, v
         place = place[name]
     place[last] = value
     save_classifier(SurfaceClassifier(CARD), tmp_path / "m.ckpt", hyper_parameters={"card": card})
-    with pytest.raises(UserError, match="is damaged or was not written by tex_lightning") as caught:
+    with pytest.raises(
+        UserError, match=rf"is damaged or was not written by tex_lightning|cannot be used: .*{last}"
+    ) as caught:
         SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt")
     assert len(str(caught.value)) < 400
 
@@ -69,7 +71,7 @@ def test_a_decision_given_goes_before_the_cards():
 
 def test_a_network_larger_than_its_file_and_weights_of_nan_are_refused(tmp_path):
     classifier, card = SurfaceClassifier(CARD), CARD.to_dict()
-    card["senses"]["haptic"]["width"] = 99.0
+    card["senses"]["haptic"]["width"] = 8.0
     save_classifier(classifier, tmp_path / "m.ckpt", hyper_parameters={"card": card})
     with pytest.raises(UserError, match=r"m.ckpt cannot be used: .*more weights than the file"):
         SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt")

@@ -1,26 +1,23 @@
 """The metadata of a checkpoint: plain values that rebuild the classifier."""
 
-import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
+from math import inf
 from pathlib import Path
-from typing import Any, Self, get_args
+from typing import Annotated, Any, Self
 
 import torch
 
-from tex_lightning.classifier.vote import RULES
 from tex_lightning.config import Config, DecisionConfig
 from tex_lightning.config.instantiation import TARGET
-from tex_lightning.config.model import FUSION, LARGEST, kind_of
-from tex_lightning.config.tasks import MAX_PAIRS
+from tex_lightning.config.model import FUSION, FusionConfig, kind_of
+from tex_lightning.config.signatures import misfits
 from tex_lightning.core.console import suppress_warnings
 from tex_lightning.core.contract import fault_of
 from tex_lightning.errors import UserError, shorten
 from tex_lightning.networks.archives import check_archive
-from tex_lightning.networks.blocks import NORMS, Level
-from tex_lightning.senses.features.spectrogram import Axes, Normalisation, Scale
 
 SUFFIX = ".ckpt"  # of checkpoints of this package
 LABEL = "unknown"
@@ -29,31 +26,29 @@ ROUNDING = 1e-9  # of a rate times a number of recordings
 
 DECISION = ("pairs", "rule", "seed", "unknown")  # that the card keeps
 NOVELTIES = "novelties"  # of the calibration
-MAX_WIDTH = 100  # a card that says more is damaged, and its network would not fit into memory
-CHOICES: dict[str, tuple[str, ...]] = {
-    "norm": NORMS,
-    "axes": get_args(Axes),
-    "scale": get_args(Scale),
-    "normalisation": get_args(Normalisation),
-    "decision.rule": tuple(RULES),
-    "fusion.level": get_args(Level),
+POSITIVE = "[1, inf)"
+
+
+@dataclass
+class Measured:
+    """What a card says that was set or measured, beside lists: numbers and their ranges."""
+
+    temperature: Annotated[float, "[1e-6, 1e6]"]
+    fit_seconds: Annotated[float, "[0, inf)"]
+    correct: Annotated[float, "[0, inf)"]
+    test_samples: Annotated[float, POSITIVE]
+    vote_accuracy: Annotated[float, "[0, 1]"]
+    folds: Annotated[float, POSITIVE]
+
+
+# Whose fields say what a part of the card may hold; keys of senses are those of their classes.
+SCHEMAS: dict[str, type] = {
+    "decision": DecisionConfig,
+    "fusion": FusionConfig,
+    "calibration": Measured,
+    "training": Measured,
+    f"training.{CROSSVAL}": Measured,
 }
-RANGES: dict[str, tuple[float, float]] = {
-    "width": (0.0, MAX_WIDTH),
-    "sampling_rate": (1.0, 1e6),  # sensors have 20 Hz to 200 kHz
-    "file_rate": (1e-3, 1e7),
-    "resize": (1, LARGEST),
-    "decision.pairs": (1, MAX_PAIRS),
-    "decision.seed": (0, 2**32 - 1),
-    "decision.unknown": (0, 1),
-    "calibration.temperature": (1e-6, 1e6),
-    "training.fit_seconds": (0, math.inf),
-    "training.crossval.correct": (0, math.inf),
-    "training.crossval.test_samples": (1, math.inf),
-    "training.crossval.vote_accuracy": (0, 1),
-    "training.crossval.folds": (1, math.inf),
-}
-OPTIONAL = ("file_rate", "resize", "decision.unknown")
 
 
 @dataclass(frozen=True)
@@ -274,7 +269,7 @@ def _check(card: Card) -> None:
     required = card.rule, card.decision["pairs"], card.decision["seed"]
     if None in required or (card.kind == FUSION and "level" not in card.fusion):
         raise ValueError("its decision is not complete")
-    for key in ("senses", "decision", "fusion", "calibration", "input_ranges", "training"):
+    for key in ("decision", "fusion", "calibration", "input_ranges", "training"):
         _check_values(key, getattr(card, key))
     if card.novelties and set(card.novelties) != set(card.senses):
         raise ValueError("its calibration.novelties are not those of its senses")
@@ -286,21 +281,15 @@ def _check(card: Card) -> None:
 
 
 def _check_values(where: str, value: object) -> None:
-    """Check the values below a key of the card; those of senses go by their own name."""
-    key = where.rpartition(".")[2] if where.startswith("senses.") else where
+    """Check the values below a key of the card."""
     if isinstance(value, dict):
+        schema = SCHEMAS.get(where)
+        for complaint in misfits(where, schema, value) if schema else ():
+            raise ValueError(f"its {complaint}")
         for name, part in value.items():
             _check_values(f"{where}.{name}", part)
     elif where.startswith((f"calibration.{NOVELTIES}", "input_ranges", "training.left_out")):
         for number in value if isinstance(value, list) else [value]:
-            if number is not None:  # of a recording that is never left out
-                _check_number(where, number, 0, math.inf)
-    elif key in CHOICES and value not in CHOICES[key]:
-        raise ValueError(f"its {where} is {shorten(repr(value))}")
-    elif key in RANGES and not (value is None and key in OPTIONAL):
-        _check_number(where, value, *RANGES[key])
-
-
-def _check_number(where: str, value: object, low: float, high: float) -> None:
-    if not isinstance(value, int | float) or not math.isfinite(value) or not low <= value <= high:
-        raise ValueError(f"its {where} is {shorten(repr(value))}")
+            # null of a recording that is never left out
+            if number is not None and not (isinstance(number, int | float) and 0 <= number < inf):
+                raise ValueError(f"its {where} is {shorten(repr(number))}")

@@ -223,8 +223,11 @@ def make(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: A
     """
     cls = trusted_class(where, node)
     values = make_value(where, {key: value for key, value in node.items() if key != TARGET})
+    values, shared = _checked(where, cls, values), _accepted(cls, values, offered)
+    if complaints := [*misfits(where.rpartition(".")[0], cls, shared)]:
+        raise UserError("; ".join(complaints) + ".")
     with making(where, node[TARGET]):
-        return cls(**_checked(where, cls, values), **_accepted(cls, values, offered))
+        return cls(**values, **shared)
 
 
 def make_value(where: str, value: object) -> Any:  # noqa: ANN401

@@ -368,6 +368,7 @@ def make_sense(name: str, node: Mapping[str, Any], classes: int) -> Sense:
     nodes = {key: it for key, it in rest.items() if isinstance(it, Mapping) and TARGET in it}
     values = make_value(where, {key: value for key, value in rest.items() if key not in nodes})
     modality, decode = values.pop("modality"), values.pop("decode")
+    check_decoding(f"{where}.decode", cls.medium, decode)
     offered = {**decode, "classes": classes, **values}
     for key, value in nodes.items():
         offered[key] = make(f"{where}.{key}", value, **offered)
@@ -379,7 +380,6 @@ def make_sense(name: str, node: Mapping[str, Any], classes: int) -> Sense:
         shape = {name: getattr(parts[kind], name, None) for name in ("bands", "blocks", "bins")}
         offered |= {name: value for name, value in shape.items() if value is not None}
     check_network(f"{where}.network", node["network"][TARGET], parts["network"])
-    check_decoding(f"{where}.decode", cls.medium, decode)
     return cls(name, modality, cls.make_decoder(decode), **parts)
 
 
