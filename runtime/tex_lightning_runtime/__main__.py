@@ -11,7 +11,7 @@ from pathlib import Path
 from tex_lightning_runtime.errors import UserError, require
 from tex_lightning_runtime.photos import IMAGE_SUFFIXES
 from tex_lightning_runtime.runtime import Runtime
-from tex_lightning_runtime.traces import TRACE_SUFFIXES
+from tex_lightning_runtime.traces import TRACE_SUFFIXES, stands_for_all
 
 
 def main() -> int:
@@ -72,6 +72,7 @@ def _files(value: str) -> list[str]:
         return [value]
     found = glob(f"{path}/*" if path.is_dir() else str(path), recursive=True)  # noqa: PTH207
     known = [each for each in found if each.lower().endswith((*TRACE_SUFFIXES, *IMAGE_SUFFIXES))]
+    known = [each for each in known if stands_for_all(Path(each))]  # of files of an axis each
     return sorted(known, key=lambda each: re.sub(r"\d+", lambda n: n[0].zfill(20), Path(each).stem))
 
 

@@ -8,7 +8,7 @@ from PIL import EpsImagePlugin, Image
 
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.errors import UserError
-from tex_lightning_runtime.pixels import as_pixels, halve
+from tex_lightning_runtime.pixels import as_pixels
 from tex_lightning_runtime.samples import as_trace
 from tex_lightning_runtime.traces import axis_files
 
@@ -125,12 +125,6 @@ def test_bad_traces_are_refused_with_a_reason(tmp_path):
     )
     with pytest.raises(UserError, match="does not exist"):
         SIGNAL.decode(tmp_path / "nowhere.wav")
-
-
-def test_halving_is_the_rounded_mean_of_blocks():
-    photo = np.random.default_rng(0).integers(0, 256, (57, 31, 3)).astype(np.uint8)
-    blocks = photo[:-1, :-1].reshape(28, 2, 15, 2, 3).astype(int)
-    np.testing.assert_array_equal(halve(photo), (blocks.sum((1, 3)) + 2) // 4)
 
 
 def test_photos_come_upright_in_rgb(tmp_path):

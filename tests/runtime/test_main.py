@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import soundfile
 from conftest import RATE, make_photo, make_trace
@@ -93,6 +94,40 @@ def test_what_cannot_be_classified_does_not_stop_the_others(command, folder):
     assert [line["haptic"] for line in lines] == [str(folder / f"s{n}.wav") for n in (2, 10)]
     assert [line["image"] for line in lines] == [str(folder / f"s{n}.png") for n in (2, 10)]
     assert "s1.wav" in told
+
+
+def test_a_recording_in_a_file_for_each_axis_is_one_sample(command, folder, runtime):
+    for place in (2, 10):
+        (folder / f"s{place}.wav").unlink()
+    files = [folder / f"s_{axis}_2.txt" for axis in "XYZ"]
+    axes = [make_trace(kind, 0) for kind in range(3)]
+    for file, samples in zip(files, axes, strict=True):
+        np.savetxt(file, samples)
+    status, (line,), _ = command(f"haptic={folder}/*.txt", f"image={folder}/s2.png")
+    assert (status, line["haptic"]) == (0, str(files[0]))
+    expected = runtime.predict(haptic=np.stack(axes), image=folder / "s2.png")
+    assert line["probabilities"] == expected["probabilities"]
+
+
+ALONE = """
+import sys
+names = ("torch", "scipy", "pandas", "clevercsv", "tex_lightning", "lightning", "sklearn")
+sys.modules.update(dict.fromkeys(names))  # None: not installed
+sys.argv[1:] = {arguments}
+from tex_lightning_runtime.__main__ import main
+sys.exit(main())
+"""
+
+
+def test_it_needs_neither_pytorch_nor_scipy(folder, exported, runtime):
+    soundfile.write(folder / "fast.wav", make_trace(1, 0, 8.0), 44_100)  # to be resampled
+    given = {"haptic": str(folder / "fast.wav"), "image": str(folder / "s2.png")}
+    arguments = [str(exported[1]), *(f"{name}={file}" for name, file in given.items())]
+    code, variables = ALONE.format(arguments=arguments), {**os.environ, "PYTHONPATH": str(RUNTIME)}
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, env=variables)
+    assert ended.returncode == 0, ended.stderr
+    expected = runtime.predict(**given)
+    assert json.loads(ended.stdout)["probabilities"] == pytest.approx(expected["probabilities"])
 
 
 def test_nothing_heavy_is_imported_before_it_is_needed():
