@@ -1,5 +1,7 @@
 """One training: what it writes on the card, in which order its hooks run, and both doors to it."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,11 +11,13 @@ from lightning import Callback
 from omegaconf import OmegaConf
 
 from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.classifier.card import configured_card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import compose_config, read_config
 from tex_lightning.core.run_folder import checkpoint_of
-from tex_lightning.learning.train import train_networks
+from tex_lightning.learning.recipe import complete_recipe
+from tex_lightning.learning.train import Training, train_networks
 from tex_lightning.studies.dataset import Dataset
 from tex_lightning.studies.fold import open_training, train_model
 
@@ -98,3 +102,61 @@ def test_the_first_weights_come_before_and_statistics_after_the_callbacks(bands,
     mean = watched.embedding("haptic", recording).mean(dim=1)
     rows, features = watched.trained_embeddings["haptic"]
     torch.testing.assert_close(features[rows.index(row)], mean)  # of the weights as changed
+
+
+def training_of(run: Path, folder: Path, *watchers: Callback, **callbacks) -> Training:
+    """The training of a run of one network, not begun."""
+    config, dataset = opened(run, folder)
+    config, parts = replace(config, callbacks=callbacks), dataset.parts(config.data)
+    card = configured_card(config, dataset.classes)
+    card = complete_recipe(config, card, parts, dataset.store, {}, {})
+    return Training(config, card, parts, dataset.store, folder, watchers=watchers)
+
+
+class Stop(Callback):
+    def on_train_epoch_start(self, trainer, module) -> None:
+        if trainer.current_epoch == 1:
+            raise KeyboardInterrupt
+
+
+def test_what_is_resumed_is_not_started_again(run_once, tiny, tmp_path, monkeypatch):
+    training, begun = training_of(run_once("model=haptic", *tiny), tmp_path, Stop()), []
+    monkeypatch.setattr(
+        "tex_lightning.learning.train.start_network", lambda module, *_: begun.append(module.kind)
+    )
+    with pytest.raises(KeyboardInterrupt):
+        training.run()
+    assert [*training.working.iterdir()]
+    assert not training.final.exists()
+    replace(training, watchers=()).run()
+    assert training.final.is_file()
+    assert not training.working.exists()
+    assert begun == ["haptic"]
+
+
+class Diary(Callback):
+    def __init__(self) -> None:
+        self.entries: list[str] = []
+
+    def setup(self, trainer, module, stage) -> None:
+        self.entries.append("first weights")
+
+    def on_train_start(self, trainer, module) -> None:
+        self.entries.append("steps")
+
+    @contextmanager
+    def hidden(self) -> Iterator[None]:
+        self.entries.append("hidden")
+        yield
+        self.entries.append("shown")
+
+
+def test_a_bar_of_the_users_hides_the_packages_while_steps_are_taken(
+    run_once, tiny, tmp_path, monkeypatch
+):
+    """Features of a trunk may take minutes before, which are shown."""
+    bar = {"_target_": "lightning.pytorch.callbacks.TQDMProgressBar", "refresh_rate": 0}
+    diary = Diary()
+    monkeypatch.setattr("tex_lightning.learning.trainer.hidden", diary.hidden)
+    training_of(run_once("model=haptic", *tiny), tmp_path, diary, bar=bar).run()
+    assert diary.entries == ["first weights", "hidden", "steps", "shown"]

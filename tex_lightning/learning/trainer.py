@@ -6,14 +6,14 @@ import signal
 import threading
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, ClassVar, cast
 
 import torch
 from lightning import Callback, LightningModule, Trainer
 from lightning.fabric.plugins import TorchCheckpointIO
-from lightning.pytorch.callbacks import Checkpoint, ModelCheckpoint
+from lightning.pytorch.callbacks import Checkpoint, LambdaCallback, ModelCheckpoint
 from lightning.pytorch.callbacks import ProgressBar as LightningProgressBar
 from lightning.pytorch.loggers import Logger
 from lightning.pytorch.trainer.states import TrainerStatus
@@ -263,7 +263,10 @@ def fit_network(
     """
     bar, handler = trainer.progress_bar_callback, signal.getsignal(signal.SIGINT)
     try:
-        with nullcontext() if bar is None or isinstance(bar, ProgressBar) else hidden():
+        with ExitStack() as stack:
+            if bar is not None and not isinstance(bar, ProgressBar):  # before it draws
+                hide = LambdaCallback(on_train_start=lambda *_: stack.enter_context(hidden()))
+                trainer.callbacks.insert(0, hide)  # type: ignore[attr-defined]  # by a connector
             # The folder holds only this package's own checkpoints of plain values and tensors.
             trainer.fit(module, datamodule=data, ckpt_path=resumed, weights_only=True)
     except ValueError as error:
