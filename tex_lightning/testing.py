@@ -375,9 +375,8 @@ def _check_trunk(one: Trunk, other: Trunk, trial: _Trial) -> None:
     images = torch.randn(BATCH, 3, one.patch, one.patch)
     check_trunk(("model.visual.trunk", "trunk", one), one, images)
     head = [] if one.textures else [8, 8]
-    _check_network(
-        VisualNet(trial.classes, one, head=head), VisualNet(trial.classes, other, head=head), trial
-    )
+    networks = (VisualNet(trial.classes, trunk, head=head) for trunk in (one, other))
+    trial.train(*(trial.classifier("photo", None, network) for network in networks))
 
 
 def _check_augmentation(one: Any, _: Any, trial: _Trial) -> None:  # noqa: ANN401

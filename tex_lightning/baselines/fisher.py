@@ -8,7 +8,6 @@ Gaussians.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import count
 from typing import Annotated, ClassVar, Self
 
 import numpy as np
@@ -21,8 +20,8 @@ from torch import Tensor, nn
 
 from tex_lightning.baselines.base import Array, Baseline, State
 from tex_lightning.core.progress import track
-from tex_lightning.networks.geometry import side_after
-from tex_lightning.networks.trunks import TRUNKS, Trunk, published
+from tex_lightning.networks.geometry import layer_windows, smallest_side
+from tex_lightning.networks.trunks import Trunk, published
 from tex_lightning.networks.weights import load_trunk_weights, warn_of_random_weights
 from tex_lightning.senses.features.image import ImageFeatures
 
@@ -67,9 +66,9 @@ class FisherVectors(Baseline):
     def __post_init__(self) -> None:
         self.frozen: Trunk | None = None
         self.pixels = ImageFeatures()
-        before = TRUNKS[self.trunk].geometry[:-1]  # the trunk's pooling
-        smallest = next(side for side in count(1) if side_after(before, side))
-        self.map_side = max(smallest, self.MIN_SIDE)
+        with torch.device("meta"):
+            *before, _ = layer_windows(published(self.trunk).layers, 0)  # without its pooling
+        self.map_side = max(smallest_side(before), self.MIN_SIDE)
         self.min_side = math.ceil(self.map_side / 2 ** max(self.scales))
         self.fitted: State = {}
 

@@ -11,7 +11,7 @@ predictions that this reaches are computed and thrown away.
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count, product
 from math import prod
 from typing import Any
@@ -71,16 +71,35 @@ def geometry_of(
         example: Makes an input (1, C, H, W) of it.
         rows_vary: Whether inputs may have any height; else they have that of the example.
     """
-    values, declared = vars(network), declared_size(network, "window_size")
-    if is_builtin(network):
-        least: Any = declared_size(network, "min_size")
-        return None if declared is None else Geometry(_layers(network), declared, least)
+    values, window = vars(network), declared_size(network, "window_size")
+    if is_builtin(network):  # of those without a window some see the whole input
+        height = None if rows_vary or window is None else window[0]
+        return window and layer_geometry(network, window, height)
     if "probed_geometry" not in values:
         values["probed_geometry"] = None
         with suppress(Exception), torch.inference_mode():  # it raises again where it is used
-            values["probed_geometry"] = _probe(network, example(), rows_vary=rows_vary)
+            values["probed_geometry"] = _probe(network, example(), window, rows_vary=rows_vary)
     geometry: Geometry | None = values["probed_geometry"]
     return geometry
+
+
+def layer_geometry(
+    network: nn.Module, window: tuple[int, int] | None = None, height: int | None = None
+) -> Geometry:
+    """Return the geometry that the convolutions and poolings of a network tell.
+
+    Args:
+        network: A network, or a part of one, whose layers run in the order of its modules.
+        window: Height and width that are meant to give exactly one position; where they do not, the
+            smallest input is the window.
+        height: Height of every input; None where it varies.
+    """
+    layers = layer_windows(network, 0), layer_windows(network, 1)
+    rows, columns = (smallest_side(windows) for windows in layers)
+    least = rows if height is None else height, columns
+    geometry = Geometry(layers, window or least, least)
+    alone = geometry.output_size(*geometry.window_size) == (1, 1)
+    return geometry if alone else replace(geometry, window_size=least)
 
 
 def declared_size(network: nn.Module, name: str) -> tuple[int, int] | None:
@@ -91,20 +110,12 @@ def declared_size(network: nn.Module, name: str) -> tuple[int, int] | None:
     return size[0], size[1]
 
 
-def _layers(network: nn.Module) -> Layers:
-    return layer_windows(network, 0), layer_windows(network, 1)
-
-
-def _probe(network: nn.Module, example: Tensor, *, rows_vary: bool) -> Geometry | None:
+def _probe(
+    network: nn.Module, example: Tensor, window: tuple[int, int] | None, *, rows_vary: bool
+) -> Geometry | None:
     """Return the geometry that the layers of a network tell, if it cuts and counts as they do."""
     network = independent_copy(network).eval()  # it may keep what it is given
-    layers = _layers(network)
-    sides = [next(side for side in count(1) if side_after(windows, side)) for windows in layers]
-    least = (sides[0] if rows_vary else example.shape[2]), sides[1]
-    window = declared_size(network, "window_size") or least
-    geometry = Geometry(layers, window, least)
-    if geometry.output_size(*window) != (1, 1):
-        geometry = Geometry(layers, least, least)
+    geometry = layer_geometry(network, window, None if rows_vary else example.shape[2])
     axes = (0, 1) if rows_vary else (1,)
     holds = all(
         _holds(network, geometry, example, axis, more)
@@ -137,7 +148,7 @@ def layer_windows(network: nn.Module, axis: int) -> list[Window]:
     """Return the geometry along one axis of every convolution and pooling of a network, in order.
 
     Args:
-        network: HapticNet, VisualNet or a part of them.
+        network: A network or a part of one.
         axis: 0 for bands and rows, 1 for frames and columns.
     """
     windows = []
@@ -166,6 +177,11 @@ def side_after(windows: Iterable[Window], side: int) -> int:
     for window in windows:
         side = window.output(side)
     return side
+
+
+def smallest_side(windows: Sequence[Window], places: int = 1) -> int:
+    """Return the smallest side on which layers in a row take so many places."""
+    return next(side for side in count(1) if side_after(windows, side) >= places)
 
 
 def affordable(windows: Layers, most: int | None) -> int | None:

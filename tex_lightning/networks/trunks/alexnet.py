@@ -50,7 +50,6 @@ class CaffeAlexNet(Trunk):
     """
 
     norms = NORMS
-    geometry = (CAFFE_CONV1, CAFFE_POOL, CAFFE_POOL, CAFFE_POOL)
     fc1_kernel = 6
     final = ("layers.conv5.0",)
     layouts: ClassVar = {"caffe": {f"conv{n}": f"layers.conv{n}.0" for n in range(1, 6)}}
@@ -74,7 +73,6 @@ class TcnnTrunk(Trunk):
     """
 
     norms = NORMS
-    geometry = (CAFFE_CONV1, CAFFE_POOL, CAFFE_POOL, AVERAGE)
     fc1_kernel = 1
     final = ("layers.conv3.0",)
     layouts: ClassVar = {"caffe": {f"conv{n}": f"layers.conv{n}.0" for n in range(1, 4)}}

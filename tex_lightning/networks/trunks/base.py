@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
-from tex_lightning.networks.blocks import WIDTH, Norm, Window, check_norm, initialise, is_builtin
+from tex_lightning.networks.blocks import WIDTH, Norm, check_norm, initialise, is_builtin
 from tex_lightning.networks.geometry import layer_windows, side_after
 
 MAX_SIDE = 1 << 13  # pixels along an axis that are tried
@@ -27,8 +27,6 @@ class Trunk(nn.Module):
 
     Attributes:
         norms: Normalisations the trunk can be built with.
-        geometry: The layers that change the side of the map, in order; only those of this package's
-            trunks are read, and the sides of any other's maps are measured.
         fc1_kernel: Side of FC1's kernel that makes one prediction out of a ``patch``: that of its
             map.
         patch: Side in pixels of an input that gives one prediction.
@@ -51,7 +49,6 @@ class Trunk(nn.Module):
     """
 
     norms: ClassVar[tuple[Norm, ...]]
-    geometry: tuple[Window, ...] = ()
     fc1_kernel: int = 0  # unless a class says it: the side of the map of a patch
     patch: int = 224
     final: ClassVar[tuple[str, ...]] = ()
@@ -86,8 +83,8 @@ class Trunk(nn.Module):
 
     def output_side(self, side: int) -> int:
         """Return the side of the feature map of an image of ``side`` pixels; 0 if too small."""
-        if is_builtin(self):
-            return side_after(self.geometry, side)
+        if is_builtin(self):  # whose layers tell it
+            return side_after(layer_windows(self.layers, 0), side)
         values = vars(self)  # copies that are no part of it; on the meta device nothing is computed
         if "copies" not in values:
             values["copies"] = {"meta": deepcopy(self).to("meta"), "cpu": deepcopy(self).cpu()}

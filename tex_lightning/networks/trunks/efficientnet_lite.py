@@ -12,7 +12,7 @@ from torch.nn.functional import avg_pool2d
 
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import WIDTH, Norm, SameConv2d, Window, scaled
-from tex_lightning.networks.geometry import side_after
+from tex_lightning.networks.geometry import side_after, smallest_side
 from tex_lightning.networks.trunks.base import Layout, Trunk
 
 STEM = 32  # channels, in every variant
@@ -94,10 +94,9 @@ def _pooling(patch: int) -> Window:
     """Return pooling over the positions of a fragment in stage 7, one further each time."""
     positions = side_after(TO_STAGE7, patch)
     if positions < 1:
-        least = next(side for side in count(1) if side_after(TO_STAGE7, side))
         raise UserError(
             f"model.visual.trunk.patch={patch} is less than one position of efficientnet_lite; "
-            f"choose {least} pixels or more."
+            f"choose {smallest_side(TO_STAGE7)} pixels or more."
         )
     return Window(positions)
 
@@ -214,7 +213,6 @@ class EfficientNetLite0(Trunk):
     wide: ClassVar[float] = 1.0
     deep: ClassVar[float] = 1.0
     norms = ("batch", "none")
-    geometry = (*TO_STAGE7, _pooling(Trunk.patch))
     fc1_kernel = 1
     textures = True
     layouts: ClassVar = _layouts(deep)
@@ -228,7 +226,7 @@ class EfficientNetLite0(Trunk):
         norm: Annotated[Norm, "normalisation of activations; none for pretrained trunks"],
         patch: Annotated[int, "[32, 2048] pixels", "side of a fragment"] = Trunk.patch,
     ) -> None:
-        self.patch, self.geometry = patch, (*TO_STAGE7, _pooling(patch))
+        self.patch, self.pooling = patch, _pooling(patch)
         super().__init__(width=width, norm=norm)
 
     def build(self) -> nn.Sequential:
@@ -244,7 +242,7 @@ class EfficientNetLite0(Trunk):
                 source = outputs
             layers[f"stage{number}"] = blocks
             self.out_channels += outputs
-        layers["features"] = TextureFeatures(self.geometry[-1], self.out_channels)
+        layers["features"] = TextureFeatures(self.pooling, self.out_channels)
         return nn.Sequential(layers)
 
     def forward(self, x: Tensor) -> Tensor:

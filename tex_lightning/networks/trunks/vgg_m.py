@@ -28,7 +28,6 @@ class VggMTrunk(Trunk):
     """
 
     norms = NORMS
-    geometry = (CONV1, POOL, CONV2, POOL, POOL)
     fc1_kernel = 6
     final = ("layers.conv5.0",)
     layouts: ClassVar = {"caffe": {f"conv{n}": f"layers.conv{n}.0" for n in range(1, 6)}}
