@@ -1,5 +1,7 @@
 """The graph of an exported file, against the classifier."""
 
+from typing import get_type_hints
+
 import numpy as np
 import pytest
 import torch
@@ -10,7 +12,10 @@ from torch import nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.vote import RULES
-from tex_lightning.export.graph import PhotoGraph, fused_scores, traced_vote
+from tex_lightning.config import DecisionConfig
+from tex_lightning.config.keys import Key
+from tex_lightning.errors import UserError
+from tex_lightning.export.graph import TRACED, PhotoGraph, fused_scores, traced_vote
 from tex_lightning.export.tracing import draws
 from tex_lightning_runtime.pixels import halve
 
@@ -41,3 +46,12 @@ def test_halving_is_that_of_the_decoder(size):
     photo = np.random.default_rng(0).integers(256, size=(*size, 3), dtype=np.uint8)
     found = PhotoGraph(nn.Identity(), True, least=2)(torch.from_numpy(photo))
     np.testing.assert_array_equal(found[0].permute(1, 2, 0).numpy(), halve(photo))
+
+
+def test_a_rule_can_be_chosen_decides_and_has_a_form_in_exported_files():
+    known = Key.of(get_type_hints(DecisionConfig, include_extras=True)["rule"]).choices
+    assert set(known) == set(RULES) == set(TRACED)
+    with pytest.raises(
+        UserError, match=r"decision\.rule=other has no form in exported files; give"
+    ):
+        traced_vote(torch.zeros(2, 3), "other", 1.0)

@@ -137,8 +137,26 @@ def random_tuples(positions: Sequence[int], count: int, seed: int) -> Tensor:
     return torch.stack(drawn, dim=1)
 
 
-RULES: dict[str, Callable[[Tensor, float], Vote]] = {
-    "vote": max_vote,
-    "mean": mean_vote,
-    "score": score_vote,
+@dataclass(frozen=True)
+class Rule:
+    """How the class scores of fragments become a vote.
+
+    Attributes:
+        decide: Makes a vote of logits (classes, fragments) and a temperature.
+        by_mean_score: Whether the mean score decides, so that a recording is taken whole and its
+            fragments are not asked one by one.
+    """
+
+    decide: Callable[[Tensor, float], Vote]
+    by_mean_score: bool = False
+
+    def __call__(self, logits: Tensor, temperature: float = 1.0) -> Vote:
+        """Decide; the arguments are those of :func:`max_vote`."""
+        return self.decide(logits, temperature)
+
+
+RULES = {
+    "vote": Rule(max_vote),
+    "mean": Rule(mean_vote),
+    "score": Rule(score_vote, by_mean_score=True),
 }

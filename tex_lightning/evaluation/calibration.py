@@ -107,6 +107,6 @@ def sample_temperature(card: Card, samples: Sequence[Sample], scores: Sequence[T
         samples: Samples of the validation fold, at least one.
         scores: Class scores (classes, fragments) of each.
     """
-    if card.rule == "score":  # which alone counts then
+    if RULES[card.rule].by_mean_score:  # which alone counts then
         scores = [logits.mean(dim=1, keepdim=True) for logits in scores]
     return fit_temperature(scores, class_indices([x.label for x in samples], card.classes))

@@ -126,13 +126,24 @@ def _drawn(partial: Tensor, words: Tensor) -> Tensor:
     return partial.index_select(1, torch.remainder(words, positions))
 
 
+TRACED = ("vote", "mean", "score")  # rules that this module has a form of
+
+
 def traced_vote(scores: Tensor, rule: str, temperature: float) -> dict[str, Tensor]:
     """Decide by class scores (classes, fragments).
 
     Returns:
         ``label``, int64 (), and ``shares`` and ``probabilities`` as in
         :class:`~tex_lightning.classifier.vote.Vote`, float32 (classes,).
+
+    Raises:
+        UserError: If the rule has no such form.
     """
+    if rule not in TRACED:
+        raise UserError(
+            f"decision.rule={rule} has no form in exported files; give decision.rule one of "
+            f"{', '.join(TRACED)}, or add the form to {__name__}."
+        )
     classes, wide = torch.arange(scores.shape[0]), scores.double()
     votes = (scores.argmax(dim=0)[None] == classes[:, None]).sum(dim=1)
     fragments = votes.sum()

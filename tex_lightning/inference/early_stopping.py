@@ -27,7 +27,7 @@ from tex_lightning.classifier.classifier import (
     SurfaceClassifier,
     join_novelties,
 )
-from tex_lightning.classifier.vote import Vote
+from tex_lightning.classifier.vote import RULES, Vote
 from tex_lightning.config import DecisionConfig, EngineConfig
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import Costs, accelerate, count_macs
@@ -161,7 +161,7 @@ class SequentialDecision:
         if len(senses) > 1:
             return self._several(senses, recordings)
         (sense,) = senses.values()
-        if is_local(sense) and self.card.rule != "score":
+        if is_local(sense) and not RULES[self.card.rule].by_mean_score:
             return self._trace(sense, recordings[sense.modality])
         return self.full.classify(**recordings)
 
