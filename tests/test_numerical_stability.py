@@ -6,12 +6,13 @@ import torch
 from conftest import make_card, trunk_node
 from torch import nn
 
-from tex_lightning.classifier.classifier import SurfaceClassifier, content_seed
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.vote import max_vote
 from tex_lightning.config import EngineConfig
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.hapticnet import HapticNet
+from tex_lightning_runtime.samples import content_seed
 
 ENGINE = EngineConfig(fast=True, tile=None)
 SENSES = {"haptic": ["haptic"], "visual": ["visual"], "fusion": ["haptic", "visual"]}

@@ -24,7 +24,7 @@ from torch import Tensor, nn
 from tex_lightning.baselines.base import Baseline
 from tex_lightning.baselines.classifier import BaselineClassifier, check_is_baseline
 from tex_lightning.classifier.card import configured_card
-from tex_lightning.classifier.classifier import SurfaceClassifier, content_seed
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.trial import (
     BATCH,
     FITTED,
@@ -48,6 +48,7 @@ from tex_lightning.perturbations.table import SEVERITIES, Perturbation, perturb
 from tex_lightning.senses.base import Change, Sense, as_tensor, check_network, make_sense
 from tex_lightning.senses.photo import augment
 from tex_lightning.senses.signal import SignalSense
+from tex_lightning_runtime.samples import content_seed
 
 __all__ = ["check_part"]
 

@@ -27,6 +27,7 @@ MEASURES = {
 FLAT_SHARE = 0.01  # of the samples, from which on a trace counts as clipped
 MIN_FLAT = 10  # samples; a few at the extremes of a slow trace are none
 FINE_VALUES = 32  # a coarsely digitised trace often stays at its extremes without being clipped
+UNLIKE = 0.5  # of votes and probabilities that is spread where an input is unlike the training
 UNIFORM = 0.5  # standard deviation in grey levels of 255, below which a photo shows nothing
 PHOTO_SIDE = 256  # pixels of a photo that are looked at, along each side
 
@@ -36,6 +37,11 @@ class Quality(NamedTuple):
 
     warnings: tuple[str, ...] = ()
     empty: bool = False
+
+    @property
+    def doubt(self) -> float:
+        """Share of votes and probabilities that a prediction spreads evenly over all classes."""
+        return 1.0 if self.empty else UNLIKE if self.warnings else 0.0
 
 
 def level(samples: Array) -> float:

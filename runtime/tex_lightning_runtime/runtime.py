@@ -2,7 +2,6 @@
 
 import json
 import time
-import zlib
 from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
@@ -12,11 +11,11 @@ import numpy as np
 from tex_lightning_runtime.errors import UserError, require
 from tex_lightning_runtime.quality import together
 from tex_lightning_runtime.recordings import Decoded, Raw, assess, decode, read_trace
-from tex_lightning_runtime.samples import Array
+from tex_lightning_runtime.samples import Array, content_seed
 
-FORMAT, FATAL = 2, 4  # of the file's metadata; severity of what ONNX Runtime logs
+FORMAT = 2  # of the metadata of an exported file
+FATAL = 4  # severity of what ONNX Runtime logs
 MAX_PAIRS = 1_000_000  # of fragments that several senses vote over
-UNLIKE = 0.5  # of votes and probabilities that is spread where an input is unlike the training
 
 
 class Runtime:
@@ -75,13 +74,12 @@ class Runtime:
         absent = " and ".join(name for name in self.senses if name not in decoded)
         require(not absent, f"The network needs {' and '.join(self.senses)}; give {absent} too.")
         found, quality = self._run(inputs), together(each.quality for each in inputs.values())
-        empty, warnings = quality.empty, [*quality.warnings]
         judges, classes = self.card["unknown"] is not None, self.card["classes"]
         said: dict[str, Any] = {"label": None, "rejected": False, "probability": None}
         said |= {"confidence": None, "top_k": [], "fragments": 0, "relative_macs": 1.0}
-        said |= {"warnings": warnings, "modalities": [*inputs]}
+        said |= {"warnings": [*quality.warnings], "modalities": [*inputs]}
         if found:
-            doubt, best = 1.0 if empty else UNLIKE if warnings else 0.0, int(found["label"])
+            doubt, best = quality.doubt, int(found["label"])
             both = found["shares"], found["probabilities"]
             shares, probabilities = ((1 - doubt) * each + doubt / len(each) for each in both)
             by_votes = self.card["decision"]["rule"] == "vote"
@@ -90,7 +88,7 @@ class Runtime:
             top = [{"label": classes[i], "share": float(support[i])} for i in order.tolist()]
             said |= {"probability": float(probabilities[best]), "confidence": top[0]["share"]}
             said |= {"top_k": top[: self._top_k], "fragments": found["scores"].shape[1]}
-            said["rejected"] = judges and bool(empty or found["unknown"])
+            said["rejected"] = judges and bool(quality.empty or found["unknown"])
             said["label"] = "unknown" if said["rejected"] else top[0]["label"]
         if not judges:
             del said["rejected"]
@@ -105,9 +103,8 @@ class Runtime:
         """Outputs of the graph by name; none if a signal is too short for one fragment."""
         feed = {name: each.array for name, each in inputs.items()}
         if len(self.card["senses"]) > 1:  # else there are no tuples to draw
-            seed, pairs = self.card["decision"]["seed"], self.card["decision"]["pairs"]
-            for each in inputs.values():
-                seed = zlib.crc32(each.content.data, seed)
+            given, pairs = self.card["decision"]["seed"], self.card["decision"]["pairs"]
+            seed = content_seed(given, *(each.content for each in inputs.values()))
             words = np.random.RandomState(seed).bytes(4 * pairs * len(self.card["senses"]))
             feed["draws"] = np.frombuffer(words, "<u4").reshape(-1, pairs).T.astype(np.int64)
         names = [each.name for each in self._session.get_outputs()]

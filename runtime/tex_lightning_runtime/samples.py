@@ -1,5 +1,6 @@
 """Samples of signals as arrays (axes, samples): their shape, and what they may hold."""
 
+import zlib
 from collections.abc import Sequence
 from typing import Any
 
@@ -117,3 +118,11 @@ def check_samples(trace: Array, name: str, place: int = 0) -> None:
             f"{name} holds NaN, infinity or a number beyond {MAX_VALUE:g} at sample "
             f"{place + usable.argmin()}; repair the recording."
         )
+
+
+def content_seed(seed: int, *recordings: Array) -> int:
+    """Return a seed from the content of a sample: its place in a batch or list cannot matter."""
+    seed &= 0xFFFFFFFF
+    for array in recordings:
+        seed = zlib.crc32(np.ascontiguousarray(array).data, seed)
+    return seed

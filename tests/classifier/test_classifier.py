@@ -3,11 +3,12 @@ import pytest
 import torch
 from conftest import make_card, save_classifier
 
-from tex_lightning.classifier.classifier import SurfaceClassifier, content_seed
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.vote import random_tuples
 from tex_lightning.config.instantiation import trust
 from tex_lightning.core.devices import computing_threads
 from tex_lightning.errors import UserError
+from tex_lightning_runtime.samples import content_seed
 
 SENSES = {
     "haptic": ["haptic"],

@@ -14,12 +14,12 @@ import pytest
 import soundfile
 from scipy.signal import chirp, resample_poly
 
-from tex_lightning.classifier.classifier import content_seed
 from tex_lightning.classifier.vote import random_tuples
 from tex_lightning.export import web_page
 from tex_lightning_runtime.pixels import halve
 from tex_lightning_runtime.quality import limits, photo_quality, trace_measures, trace_quality
 from tex_lightning_runtime.resampling import rate_ratio
+from tex_lightning_runtime.samples import content_seed
 from tex_lightning_runtime.traces import read_samples
 
 SOURCES = Path(web_page.__file__).parent / "web"

@@ -4,15 +4,12 @@ A :class:`Card` of plain values rebuilds it, and a checkpoint holds the card and
 that prediction from raw files does exactly what testing did.
 """
 
-import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, cast
 
-import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
@@ -34,6 +31,7 @@ from tex_lightning.networks.blocks import (
 )
 from tex_lightning.networks.fusionnet import FusionLayer
 from tex_lightning.senses.base import Sense, content, make_sense
+from tex_lightning_runtime.samples import content_seed
 
 PREFIX = "classifier."  # in the state of a LightningModule
 STATISTICS = "statistics."  # in its own
@@ -353,7 +351,7 @@ class SurfaceClassifier(nn.Module):
 
         Args:
             partials: Partial logits by sense, in order; those of a single sense are the scores.
-            seed: Seed of the tuples; see :func:`content_seed`.
+            seed: Seed of the tuples; see :func:`~tex_lightning_runtime.samples.content_seed`.
         """
         if self.fusion is None or len(partials) == 1:
             return partials[0]
@@ -464,11 +462,3 @@ def own_state(checkpoint: Mapping[str, Any]) -> dict[str, Tensor]:
     return {
         key.removeprefix(PREFIX): value for key, value in stored.items() if key.startswith(PREFIX)
     }
-
-
-def content_seed(seed: int, *recordings: npt.NDArray[Any]) -> int:
-    """Return a seed from the content of a sample: its place in a batch or list cannot matter."""
-    seed &= 0xFFFFFFFF
-    for array in recordings:
-        seed = zlib.crc32(np.ascontiguousarray(array).data, seed)
-    return seed

@@ -17,11 +17,11 @@ from tex_lightning.senses.base import Sense
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 from tex_lightning.text import printable, render
 from tex_lightning_runtime.quality import limits
+from tex_lightning_runtime.runtime import FORMAT
 
 RESULTS = "results.json"
 TEMPLATE = Path(__file__).with_name("model_card.md.jinja")
 KEY = "tex_lightning"  # of the metadata
-FORMAT = 2  # of what stands there
 FRAMES: dict[str, Any] = {"hop_seconds": None, "window_seconds": None, "frequencies": None}
 
 

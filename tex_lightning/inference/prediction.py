@@ -11,7 +11,6 @@ from tex_lightning.errors import UserError
 from tex_lightning_runtime.quality import Quality
 
 log = logging.getLogger(__name__)
-UNLIKE = 0.5  # of votes and probabilities that is spread where an input is unlike the training
 
 
 @dataclass(frozen=True)
@@ -91,7 +90,7 @@ def describe(
             None, rejected, None, None, (), 0, 1.0, warnings, tuple(modalities), milliseconds
         )
     relative_macs = round(vote.relative_macs, 6)
-    vote = vote.doubted(1.0 if quality.empty else UNLIKE if quality.warnings else 0.0)
+    vote = vote.doubted(quality.doubt)
     support, probable, classes = vote.support.tolist(), vote.probabilities.tolist(), card.classes
     # the label first whatever the tie, then the others by what decides, then as ties are broken
     ranked = sorted(

@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 from torch import Tensor, nn
 
 from tex_lightning.classifier.card import SUFFIX
-from tex_lightning.classifier.classifier import SurfaceClassifier, content_seed
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.console import log_once
@@ -36,6 +36,7 @@ from tex_lightning.networks.trunks.efficientnet_lite import TextureFeatures
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.weights import load_trunk_weights, warn_of_random_weights
 from tex_lightning.senses.signal import fit_closed_form
+from tex_lightning_runtime.samples import content_seed
 
 log = logging.getLogger(__name__)
 
