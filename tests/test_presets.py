@@ -4,15 +4,13 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from tex_lightning.config import CONF, register
+from tex_lightning.config import CONF, register, variants
+from tex_lightning.config.usage import config_groups
 from tex_lightning.perturbations.table import trainable
 from tex_lightning.report.table import paper_table
 
-EXPERIMENTS = sorted(
-    str(path.relative_to(CONF / "experiment").with_suffix(""))
-    for path in (CONF / "experiment").rglob("*.yaml")
-)
-MODELS = {path.stem for path in (CONF / "model").glob("*.yaml")} - {"base"}
+EXPERIMENTS = config_groups()["experiment"]
+MODELS = {*config_groups()["model"]}
 
 
 def composed(*overrides: str):
@@ -108,3 +106,14 @@ def test_robust_presets_train_on_what_is_not_held_out(preset):
     assert {*config.model.haptic.fit.perturb} < {*trainable("haptic")}
     assert {*config.model.visual.fit.perturb} < {*trainable("image")}
     assert plain.model.haptic.fit.perturb == plain.model.visual.fit.perturb == []
+
+
+def test_options_of_a_few_lines_are_no_files_and_a_users_file_begins_with_them(tmp_path):
+    names = [*variants()]
+    assert len(names) > 30
+    assert not [name for name in names if (CONF / f"{name}.yaml").exists()]
+    (tmp_path / "model").mkdir()
+    text = "defaults: [fusion_tcnn, _self_]\nname: mine\nfusion: {level: fc3}\n"
+    (tmp_path / "model" / "mine.yaml").write_text(text)
+    mine = composed("model=mine", f"hydra.searchpath=[file://{tmp_path}]").model
+    assert mine == {**composed("model=fusion_fc3_tcnn").model, "name": "mine"}

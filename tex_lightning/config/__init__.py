@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
+import yaml
 from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 
@@ -41,6 +42,8 @@ __all__ = [
 INSIDE = Path(__file__).parents[1] / "conf"  # in an installed wheel
 BESIDE = Path(__file__).parents[2] / "conf"  # in a checkout
 CONF = INSIDE if INSIDE.is_dir() else BESIDE
+VARIANTS = CONF / "variants.yaml"
+LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # of a library that may lack its quick one
 
 
 @section
@@ -148,7 +151,19 @@ def register() -> None:
     """Make the schema known to Hydra, beside those of other applications in this process."""
     register_folders()
     OmegaConf.register_new_resolver("subject", subject, replace=True)
-    ConfigStore.instance().store(name="tex_lightning_schema", node=_schema())
+    store = ConfigStore.instance()
+    store.store(name="tex_lightning_schema", node=_schema())
+    for name, node in variants().items():
+        group, _, option = name.rpartition("/")
+        package = "_global_" if name.startswith("experiment/") else None  # it sets keys of any
+        store.store(group=group, name=option, node=node, package=package)
+
+
+@cache
+def variants() -> dict[str, DictConfig]:
+    """Return the options of a few lines by GROUP/NAME, which have no file of their own."""
+    nodes = OmegaConf.create(yaml.load(VARIANTS.read_text(encoding="utf-8"), LOADER))
+    return {f"{group}/{name}": nodes[group][name] for group in nodes for name in nodes[group]}
 
 
 @cache  # Hydra copies it; made anew it would be a sixth of every composition

@@ -2,12 +2,13 @@
 
 import textwrap
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning import __version__
-from tex_lightning.config import CONF, TASKS, Config
+from tex_lightning.config import CONF, TASKS, Config, variants
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.keys import typed
 from tex_lightning.config.nodes import walk
@@ -81,14 +82,21 @@ def _tasks() -> Iterator[str]:
 def config_groups() -> dict[str, list[str]]:
     """Return options of every configuration group, the user's behind those of the package."""
     groups: dict[str, list[str]] = {}
-    for folder in (CONF, *user_folders()):
-        for file in sorted(folder.rglob("*.yaml")):
-            group, *inner = file.relative_to(folder).with_suffix("").parts
-            option = "/".join(inner)
-            hidden = group in ("hydra", "debug") and len(inner) > 1  # not a person's to choose
-            if inner and not hidden and inner[-1] != "base" and option not in groups.get(group, ()):
-                groups.setdefault(group, []).append(option)
+    names = sorted([*variants(), *_files(CONF)])
+    for name in [*names, *(each for folder in user_folders() for each in _files(folder))]:
+        group, _, option = name.partition("/")
+        hidden = group in ("hydra", "debug") and "/" in option  # not a person's to choose
+        hidden |= option.rpartition("/")[2] == "base"
+        if not hidden and option not in groups.get(group, ()):
+            groups.setdefault(group, []).append(option)
     return groups
+
+
+def _files(folder: Path) -> list[str]:
+    """Return GROUP/OPTION of every configuration file in a folder."""
+    files = sorted(folder.rglob("*.yaml"))
+    names = [file.relative_to(folder).with_suffix("").as_posix() for file in files]
+    return [name for name in names if "/" in name]
 
 
 def _listing(config: DictConfig) -> str:
