@@ -9,9 +9,16 @@ from conftest import make_card, save_classifier
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tex_lightning.classifier.card import least_rate, novelty_threshold, read_checkpoint
+from tex_lightning.classifier.card import (
+    Card,
+    configured_card,
+    least_rate,
+    novelty_threshold,
+    read_checkpoint,
+)
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import DecisionConfig
+from tex_lightning.config.composition import compose_config, read_config
 from tex_lightning.errors import UserError
 
 CARD = make_card("haptic", classes=["a", "b"], width=0.1)
@@ -115,3 +122,25 @@ def test_a_checkpoint_that_would_run_code_is_refused_and_runs_none(tmp_path):
     assert not touched.exists()
     torch.load(tmp_path / "a.ckpt", weights_only=False)
     assert touched.exists()  # so that the file would have done it
+
+
+def test_a_card_of_an_earlier_version_leaves_out_what_were_defaults_then(tmp_path):
+    card = make_card("haptic", classes=["a", "b"], width=1.0, scale="linear")
+    classifier, stored = SurfaceClassifier(card), card.to_dict()
+    for name in ("width", "dropout", "scale"):
+        del stored["senses"]["haptic"][name]
+    save_classifier(classifier, tmp_path / "m.ckpt", hyper_parameters={"card": stored})
+    loaded = SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt")
+    assert loaded.senses["haptic"].features.scale == "linear"
+    weights = classifier.state_dict()
+    assert all(torch.equal(weights[name], x) for name, x in loaded.state_dict().items())
+
+
+def test_a_card_of_today_says_what_its_configuration_leaves_to_the_classes():
+    config = read_config(compose_config(["~model.haptic.width", "~model.haptic.scale"]))
+    card = configured_card(config, ["a", "b"])
+    node = card.senses["haptic"]
+    assert (node["network"]["width"], node["features"]["scale"]) == (0.48, "mel")
+    assert Card.from_dict(card.to_dict()) == card
+    whole = configured_card(read_config(compose_config()), ["a", "b"])
+    assert "width" not in whole.senses["haptic"]["network"]  # it stands beside it

@@ -29,7 +29,7 @@ def inputs(frames=230, height=235, width=250):
 
 
 def test_paper_parameter_counts():
-    haptic, visual = HapticNet(69, norm="lrn"), visualnet(69, norm="lrn")
+    haptic, visual = HapticNet(69, width=1.0, norm="lrn"), visualnet(69, norm="lrn")
     unused = 2 * (250 * 69 + 69)
     count = {
         level: sum(

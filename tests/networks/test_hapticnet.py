@@ -17,7 +17,7 @@ def test_paper_parameter_count():
     convolutions = [(1, 9, 50), (50, 9, 100), (100, 9, 150), (150, 9, 200), (200, 48, 400)]
     dense = [(400, 1, 250), (250, 1, 69)]
     table = sum(i * k * o + o for i, k, o in convolutions + dense)
-    assert parameters(HapticNet(69, norm="lrn")) == table == 4_408_919
+    assert parameters(HapticNet(69, width=1.0, norm="lrn")) == table == 4_408_919
 
 
 def test_every_length_matches_the_forward_pass():

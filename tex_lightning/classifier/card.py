@@ -1,6 +1,6 @@
 """The metadata of a checkpoint: plain values that rebuild the classifier."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
@@ -14,6 +14,7 @@ from tex_lightning.config import Config, DecisionConfig
 from tex_lightning.config.instantiation import TARGET
 from tex_lightning.config.model import FUSION, FusionConfig, kind_of
 from tex_lightning.config.signatures import misfits
+from tex_lightning.config.sources import read_signature
 from tex_lightning.core.console import suppress_warnings
 from tex_lightning.core.contract import fault_of
 from tex_lightning.errors import UserError, shorten
@@ -48,6 +49,14 @@ SCHEMAS: dict[str, type] = {
     "calibration": Measured,
     "training": Measured,
     f"training.{CROSSVAL}": Measured,
+}
+
+
+# What arguments were that a card of an earlier version leaves out, by class; newer cards have them.
+FORMER: dict[str, dict[str, float | str]] = {
+    "tex_lightning.networks.hapticnet.HapticNet": {"width": 1.0, "dropout": 0.5},
+    "tex_lightning.networks.visualnet.VisualNet": {"dropout": 0.5},
+    "tex_lightning.senses.features.spectrogram.SpectrogramFeatures": {"scale": "linear"},
 }
 
 
@@ -105,7 +114,8 @@ class Card:
         """
         card = cls(**{entry.name: stored[entry.name] for entry in fields(cls)})
         _check(card)
-        return card
+        senses = {name: _completed(sense, FORMER) for name, sense in card.senses.items()}
+        return replace(card, senses=senses)
 
     def deciding(self, decision: DecisionConfig) -> Self:
         """Return the card with the given parts of the decision; None keeps the card's."""
@@ -186,11 +196,30 @@ def configured_card(config: Config, classes: list[str]) -> Card:
     }
     return Card(
         classes=classes,
-        senses={name: model.sense(name).node for name in model.senses},
+        senses={name: _completed(model.sense(name).node, _defaults()) for name in model.senses},
         decision={key: getattr(config.decision, key) for key in DECISION},
         fusion={"level": model.fusion.level} if len(model.senses) > 1 else {},
         baseline={} if model.baseline is None else baseline,
     )
+
+
+def _defaults() -> dict[str, dict[str, Any]]:
+    """Return the defaults of today of the arguments whose former ones were others."""
+    return {
+        target: {name: signature.parameters[name].default for name in arguments}
+        for target, arguments in FORMER.items()
+        if (signature := read_signature(target)) is not None
+    }
+
+
+def _completed(sense: dict[str, Any], defaults: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Return a sense whose features and network have the arguments that nothing gives them."""
+    parts = {}
+    for kind in ("features", "network"):
+        given = defaults.get(sense[kind][TARGET], {})
+        missing = {name: given[name] for name in given if name not in {*sense, *sense[kind]}}
+        parts[kind] = {**sense[kind], **missing}
+    return {**sense, **parts}
 
 
 def novelty_threshold(known: Sequence[float], rate: float) -> float:

@@ -62,11 +62,11 @@ class HapticNet(nn.Module):
         *,
         width: Annotated[
             float, WIDTH, "factor on every channel count; 1 is the paper's size"
-        ] = 1.0,
+        ] = 0.48,
         norm: Annotated[Norm, "normalisation of activations; lrn is the paper's"] = "batch",
         dropout: Annotated[
             float, PROBABILITY, "probability of dropping an input of the 1x1 layers"
-        ] = 0.5,
+        ] = 0.2,
     ) -> None:
         super().__init__()
         check_norm(norm, NORMS, "model.haptic.norm")

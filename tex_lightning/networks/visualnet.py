@@ -48,7 +48,7 @@ class VisualNet(nn.Module):
         *,
         dropout: Annotated[
             float, PROBABILITY, "probability of dropping an input of FC2 and FC3"
-        ] = 0.5,
+        ] = 0.2,
         fc1_kernel: Annotated[
             int | None, "[1, 64]", "side of FC1's kernel; null: the trunk's"
         ] = None,

@@ -149,7 +149,7 @@ class SpectrogramFeatures(nn.Module):
         axes: Annotated[
             Axes, "join three axes per frame, or over the whole trace as in the paper"
         ] = "frame",
-        scale: Annotated[Scale, "50 mel bands, or the paper's 50 channels up to 1 kHz"] = "linear",
+        scale: Annotated[Scale, "50 mel bands, or the paper's 50 channels up to 1 kHz"] = "mel",
         window_seconds: Annotated[
             float, "[0.001, 10] s", "length of a frame of the spectrogram"
         ] = 0.05,
