@@ -11,7 +11,7 @@ from scipy.special import softmax
 import tex_lightning as tl
 from tex_lightning.classifier.vote import max_vote, mean_vote, random_tuples, score_vote
 from tex_lightning.errors import UserError
-from tex_lightning.inference.prediction import describe
+from tex_lightning.inference.prediction import make_prediction
 from tex_lightning.networks.linear import fit_temperature
 from tex_lightning_runtime.quality import Quality
 
@@ -117,7 +117,7 @@ def test_label_confidence_and_order_agree_whatever_decides(rule, bands):
     for number in range(60):
         logits = torch.randn(3, 1 + number % 7) * 10 ** (number % 3 - 1)
         quality = Quality(("It is doubtful.",) * (number % 2), empty=False)
-        found = describe(rule(logits), card, quality, 3, 0.0)
+        found = make_prediction(rule(logits), card, quality, 3, 0.0)
         shares = [each["share"] for each in found.top_k]
         assert (found.top_k[0]["label"], shares[0]) == (found.label, found.confidence)
         assert shares == sorted(shares, reverse=True)

@@ -16,7 +16,7 @@ from tex_lightning.config import DecisionConfig
 from tex_lightning.errors import UserError
 from tex_lightning.inference.early_stopping import decide
 from tex_lightning.inference.engine import Costs
-from tex_lightning.inference.prediction import describe
+from tex_lightning.inference.prediction import make_prediction
 from tex_lightning_runtime.quality import Quality
 
 NEVER = 1.0
@@ -178,7 +178,7 @@ def test_a_fusion_says_unknown_of_all_senses_only(haptic, visual, modalities, re
     quick = decide(model, replace(CONFIG, confidence_threshold=0.0))
     vote, full = (each.classify(**given("fusion", 0)) for each in (quick, model))
     assert (vote.modalities or model.card.modalities) == modalities
-    prediction = describe(vote, model.card, Quality(), 1, 0.0)
+    prediction = make_prediction(vote, model.card, Quality(), 1, 0.0)
     assert prediction.rejected is rejected
     assert (prediction.label == "unknown") is rejected
     assert vote.novelty == (full.novelty if len(modalities) == 2 else None)
@@ -194,7 +194,7 @@ def test_a_trace_is_called_unknown_by_its_whole_only(limit, whole):
         whole,
         whole,
     )
-    assert describe(vote, model.card, Quality(), 1, 0.0).rejected is whole
+    assert make_prediction(vote, model.card, Quality(), 1, 0.0).rejected is whole
 
 
 def test_a_baseline_is_refused():

@@ -12,7 +12,7 @@ from tex_lightning.networks.archives import SizeLimit, check_archive, check_numb
 
 
 def test_an_archive_that_would_become_too_large_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(archives, "LARGEST", 1 << 20)
+    monkeypatch.setattr(archives, "MAX_BYTES", 1 << 20)
     path = tmp_path / "a.npz"
     np.savez_compressed(path, zeros=np.zeros(1 << 18))
     with pytest.raises(ValueError, match="more memory than any network"):

@@ -7,19 +7,21 @@ from typing import Any
 import pytest
 
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes
-from tex_lightning.report.page import NOTES, System, _against, accuracy_table, read_systems
+from tex_lightning.report.page import NOTES, ReportedSystem, _against, accuracy_table, read_systems
 
 ENTRY = {"fit_seconds": 1.0, "parameters": 7}
 
 
-def make(kind: str, correct: str, *modalities: str, **changes: Any) -> System:
+def make(kind: str, correct: str, *modalities: str, **changes: Any) -> ReportedSystem:
     """A system and the numbers of the samples that it classified correctly, as + and -."""
     outcomes = [
         Outcome({name: f"{n}.{name}" for name in modalities}, "a", "ba"[mark == "+"], 1, 1, 1, 2.0)
         for n, mark in enumerate(correct)
     ]
     settings = {"model": kind, "inside": "", "data": "folder", "variant": "", **changes}
-    return System(kind=kind, classes=["a", "b"], entries=[ENTRY], outcomes=outcomes, **settings)
+    return ReportedSystem(
+        kind=kind, classes=["a", "b"], entries=[ENTRY], outcomes=outcomes, **settings
+    )
 
 
 @pytest.mark.parametrize("data", ["tum", "folder"])

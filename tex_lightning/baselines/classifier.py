@@ -18,7 +18,7 @@ from tex_lightning.config.instantiation import (
     make_value,
     trusted_class,
 )
-from tex_lightning.core.contract import breach, calling, describe
+from tex_lightning.core.contract import breach, calling, describe_value
 from tex_lightning.data.recordings import Recording, class_indices
 from tex_lightning.data.store import Store, load_recording
 from tex_lightning.errors import UserError
@@ -161,7 +161,7 @@ class FittedBaseline(nn.Module):
         with calling(*(part := as_part(self.baseline))):
             scores: object = self.baseline.logits(recording)
         if not isinstance(scores, Tensor) or scores.dim() != 2 or not scores.is_floating_point():
-            raise breach(*part, f"returned {describe(scores)} for a recording")
+            raise breach(*part, f"returned {describe_value(scores)} for a recording")
         return scores
 
 

@@ -10,10 +10,10 @@ import torch
 from torch import Tensor, nn
 
 MAX_RANK = 128  # directions of the covariance that are kept; the others share one variance
-LEAST_VARIANCE = 1e-8  # of features that never vary
+MIN_VARIANCE = 1e-8  # of features that never vary
 ROUNDING = 1e-12  # of a feature's mean square: its variance where it never varies
 PRIOR = 3  # recordings, as which the whole variance of a feature counts within classes, too
-LEAST_RATIO = 0.1  # of the deviation between classes to that within them
+MIN_RATIO = 0.1  # of the deviation between classes to that within them
 
 
 class FeatureStatistics(nn.Module):
@@ -151,7 +151,7 @@ class FeatureStatistics(nn.Module):
         """
         point = self.whiten(features - self.means.mean(dim=0))
         lengths = point.norm(dim=-1, keepdim=True) * self.white.norm(dim=-1)
-        cosines: Tensor = (point @ self.white.T) / lengths.clamp(min=LEAST_VARIANCE)
+        cosines: Tensor = (point @ self.white.T) / lengths.clamp(min=MIN_VARIANCE)
         return 1 - cosines.amax(dim=-1).clamp(max=1)  # rounding may pass it
 
 
@@ -168,7 +168,7 @@ def _scales(rows: Tensor, centred: Tensor, freedom: int) -> Tensor:
     varying = within > ROUNDING * rows.square().mean(dim=0)
     usual = within[varying].mean() if varying.any() else torch.ones_like(within[0])
     within = torch.where(varying, within, usual)  # any other value of a constant one is new
-    ratios = (whole / within - 1).clamp(min=LEAST_RATIO**2).sqrt()
+    ratios = (whole / within - 1).clamp(min=MIN_RATIO**2).sqrt()
     return within.sqrt() / ratios
 
 
@@ -205,4 +205,4 @@ def _shrunk(spread: Tensor, freedom: int, size: int) -> tuple[Tensor, Tensor]:
     rank = min(MAX_RANK, len(spread), freedom)
     left = spread[rank:].sum() / max(1, size - rank)
     shrunk = [(1 - share) * variance + share * mean for variance in (spread[:rank], left)]
-    return shrunk[0].clamp(min=LEAST_VARIANCE), shrunk[1].clamp(min=LEAST_VARIANCE)
+    return shrunk[0].clamp(min=MIN_VARIANCE), shrunk[1].clamp(min=MIN_VARIANCE)

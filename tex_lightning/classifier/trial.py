@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.core.contract import Part, breach, calling, check_call, describe
+from tex_lightning.core.contract import Part, breach, calling, check_call, describe_value
 from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.data.recordings import Recording, Recordings, class_indices
 from tex_lightning.data.store import Store
@@ -108,7 +108,7 @@ def _largest(recordings: Recordings, store: Store, count: int) -> list[Recording
 def check_numbers(values: Tensor, part: Part) -> None:
     """Reject values that are not finite floating-point numbers."""
     if not values.is_floating_point():
-        raise breach(*part, f"returned {describe(values)}")
+        raise breach(*part, f"returned {describe_value(values)}")
     if not bool(values.isfinite().all()):
         raise breach(*part, "gave NaN or infinity")
 
@@ -156,10 +156,11 @@ def check_trunk(part: Part, trunk: Trunk, images: Tensor) -> None:
         features: object = trunk(images)
     shape = features.shape if isinstance(features, Tensor) else ()
     if not isinstance(features, Tensor) or len(shape) != 4 or shape[0] != len(images):
-        raise breach(*part, f"returned {describe(features)} for a batch of {len(images)}")
+        raise breach(*part, f"returned {describe_value(features)} for a batch of {len(images)}")
     if shape[1] != trunk.out_channels:
         raise breach(
-            *part, f"returned {describe(features)}, and its out_channels are {trunk.out_channels}"
+            *part,
+            f"returned {describe_value(features)}, and its out_channels are {trunk.out_channels}",
         )
     check_numbers(features, part)
 
@@ -208,7 +209,9 @@ def check_baseline(
     with calling(*part):
         state: object = network.baseline.state()
     if not isinstance(state, dict) or not all(isinstance(x, Tensor) for x in state.values()):
-        raise breach(*part, f"has a state that is {describe(state)} of other things than tensors")
+        raise breach(
+            *part, f"has a state that is {describe_value(state)} of other things than tensors"
+        )
     check_outputs(classifier.eval(), rebuilt.eval(), recordings)
 
 

@@ -173,7 +173,7 @@ def breach(key: str, kind: str, part: object, why: str) -> UserError:
     return UserError(f"{key} ({_name(part)}) {why}; {CONTRACTS[kind]}.")
 
 
-def describe(value: Any) -> str:  # noqa: ANN401
+def describe_value(value: Any) -> str:  # noqa: ANN401
     """Return what something is, for a message: its type, and of an array the shape and numbers."""
     if not hasattr(value, "shape"):
         return f"a {type(value).__name__}"

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # what glibc's malloc.h calls M_...
-LARGEST, KEPT = 1 << 25, 1 << 30  # bytes: of a piece, in many versions, and in all
+MAX_HEAP_PIECE, MAX_UNTRIMMED = 1 << 25, 1 << 30  # bytes: of a piece, in many versions, and in all
 
 
 def pick_device(accelerator: str) -> torch.device:
@@ -134,8 +134,8 @@ def keep_memory() -> None:
     """
     if platform.libc_ver()[0] == "glibc":
         libc = ctypes.CDLL(None)
-        libc.mallopt(MMAP_THRESHOLD, LARGEST)
-        libc.mallopt(TRIM_THRESHOLD, KEPT)
+        libc.mallopt(MMAP_THRESHOLD, MAX_HEAP_PIECE)
+        libc.mallopt(TRIM_THRESHOLD, MAX_UNTRIMMED)
 
 
 @contextmanager

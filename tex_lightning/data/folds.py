@@ -81,11 +81,11 @@ def check_conditions(recordings: Recordings, where: Mapping[str, Any]) -> None:
 def tested_part(by: Folding) -> str:
     """Describe the tested part: some conditions, a fold, or all of the data."""
     if by.test_where is not None:
-        return f"the part with {describe(by.test_where)}"
+        return f"the part with {describe_conditions(by.test_where)}"
     return "all of the data" if by.test_fold is None else f"fold {by.test_fold}"
 
 
-def describe(where: Mapping[str, Any]) -> str:
+def describe_conditions(where: Mapping[str, Any]) -> str:
     """Return conditions in words, as in ``speed 50 or 60 and light lamp``."""
     return " and ".join(
         f"{name} {' or '.join(map(str, _values(wanted)))}" for name, wanted in where.items()

@@ -11,7 +11,7 @@ from tex_lightning.data.folds import Sample, comparable
 from tex_lightning.data.recordings import Recording, natural_key
 from tex_lightning.evaluation.outcomes import Outcome, counted
 
-KEY = "conditions"  # of a network's entry in results.json
+CONDITIONS = "conditions"  # of a network's entry in results.json
 MANY, FEW = 10, 4  # values of a condition; recordings of each
 BINS, STEPS = 5, 1000  # of a continuous condition; of its range, to which edges are rounded
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
@@ -97,7 +97,7 @@ def pool_conditions(entries: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     return _entry(
         (name, value, counts["correct"], counts["test_samples"])
         for entry in entries
-        for name, values in entry.get(KEY, {}).items()
+        for name, values in entry.get(CONDITIONS, {}).items()
         for value, counts in values.items()
     )
 
@@ -112,7 +112,7 @@ def _entry(votes: Iterable[Votes]) -> dict[str, Any]:
         name: {value: counted(*values[value]) for value in sorted(values, key=_order)}
         for name, values in totals.items()
     }
-    return {KEY: counts} if counts else {}
+    return {CONDITIONS: counts} if counts else {}
 
 
 def _order(key: str) -> tuple[bool, float, Any]:

@@ -21,7 +21,7 @@ from tex_lightning_runtime.runtime import FORMAT
 
 RESULTS = "results.json"
 TEMPLATE = Path(__file__).with_name("model_card.md.jinja")
-KEY = "tex_lightning"  # of the metadata
+METADATA_KEY = "tex_lightning"  # of the metadata
 FRAMES: dict[str, Any] = {"hop_seconds": None, "window_seconds": None, "frequencies": None}
 
 

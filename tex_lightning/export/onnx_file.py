@@ -17,7 +17,7 @@ from tex_lightning.core.progress import track
 from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.errors import UserError
 from tex_lightning.export.graph import DRAWS
-from tex_lightning.export.metadata import KEY, metadata
+from tex_lightning.export.metadata import METADATA_KEY, metadata
 from tex_lightning.export.tracing import draws, example, quiet, trace, untraceable
 from tex_lightning.senses.features.proportions import BandProportions
 
@@ -50,7 +50,7 @@ def make_onnx(classifier: SurfaceClassifier) -> Any:  # noqa: ANN401
             model = program.model_proto
     except Exception as error:  # of the exporter, in many ways
         raise untraceable(classifier, error) from error
-    model.metadata_props.add(key=KEY, value=json.dumps(metadata(classifier)))
+    model.metadata_props.add(key=METADATA_KEY, value=json.dumps(metadata(classifier)))
     if DRAWS in inputs:  # a value that whoever runs it may replace
         default = onnx.numpy_helper.from_array(inputs[DRAWS].numpy(), DRAWS)
         model.graph.initializer.append(default)

@@ -64,7 +64,7 @@ class Prediction:
         return {name: value for name, value in values.items() if name not in left_out}
 
 
-def describe(
+def make_prediction(
     vote: Vote | None,
     card: Card,
     quality: Quality,

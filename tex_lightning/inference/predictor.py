@@ -21,7 +21,7 @@ from tex_lightning.core.run_folder import find_checkpoint
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.errors import UserError
 from tex_lightning.inference.early_stopping import Deciders
-from tex_lightning.inference.prediction import Prediction, check_unknown, describe
+from tex_lightning.inference.prediction import Prediction, check_unknown, make_prediction
 from tex_lightning.inference.stream import LiveStream
 from tex_lightning.senses.base import Sense
 from tex_lightning_runtime.quality import Quality, together
@@ -127,7 +127,7 @@ class Predictor:
         latency, fused = time.perf_counter() - begin, self.classifier.fusion is not None
         modalities = vote.modalities or decider.card.modalities if fused else ()
         quality = together(quality for _, quality in decoded.values())
-        return describe(vote, decider.card, quality, self.config.top_k, latency, modalities)
+        return make_prediction(vote, decider.card, quality, self.config.top_k, latency, modalities)
 
     @property
     def classes(self) -> list[str]:

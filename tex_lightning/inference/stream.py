@@ -19,7 +19,7 @@ from tex_lightning.config import StreamConfig
 from tex_lightning.core.devices import synchronise
 from tex_lightning.data.decode import Array
 from tex_lightning.errors import UserError
-from tex_lightning.inference.prediction import Prediction, describe
+from tex_lightning.inference.prediction import Prediction, make_prediction
 from tex_lightning.senses.signal import SignalSense
 from tex_lightning_runtime.quality import Quality, together
 from tex_lightning_runtime.resampling import rate_ratio
@@ -178,7 +178,7 @@ class LiveStream:
         synchronise(self.classifier.device)
         latency = time.perf_counter() - begin
         used = self.card.modalities if len(self.card.sense_names) > 1 else ()
-        return describe(vote, self.card, together(qualities), self.top_k, latency, used)
+        return make_prediction(vote, self.card, together(qualities), self.top_k, latency, used)
 
     def _outputs(self, recordings: Mapping[str, Tensor]) -> dict[str, SenseOutput] | None:
         """Return what the live senses give for their recordings; None if one is too short."""

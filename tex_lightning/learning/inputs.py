@@ -18,7 +18,7 @@ from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 SHOWN = 8  # recordings of each sense, of different classes as far as there are
 MAX_FRAMES = 600  # of a long signal
-LARGEST = 300  # pixels along one of them
+MAX_PIXELS = 300  # pixels along one of them
 
 
 def show_inputs(loggers: Sequence[Logger], module: SurfaceModule, batches: TrainingBatches) -> None:
@@ -55,7 +55,7 @@ def _of_sense(module: SurfaceModule, name: str, bank: Bank, labels: Indices) -> 
     return [
         Picture(
             f"inputs/{name} {kind}, {when} augmentation",  # which sort as they are read
-            jpeg(row_of([input_pixels(x, sense.features, LARGEST) for x in inputs], captions)),
+            jpeg(row_of([input_pixels(x, sense.features, MAX_PIXELS) for x in inputs], captions)),
         )
         for when, inputs in (("1 before", before), ("2 after", after))
     ]

@@ -25,7 +25,7 @@ from tex_lightning.evaluation.calibration import sample_loss, sample_temperature
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.learning.start import FrozenTrunk, fits_probabilities, scores_textures
 
-LARGEST = 1e18  # whose square is a float32
+MAX_FEATURE = 1e18  # whose square is a float32
 
 
 def keep_statistics(
@@ -65,7 +65,7 @@ def keep_statistics(
         else:
             positions = position_features(fast, name, recordings, store)
             features = torch.stack([embedding.mean(dim=1) for embedding in positions])
-        if not bool((features.abs() < LARGEST).all()):  # false for NaN
+        if not bool((features.abs() < MAX_FEATURE).all()):  # false for NaN
             raise UserError(
                 f"Training of the {name} network diverged, its features are NaN or too large to "
                 f"square; lower model.{name}.fit.learning_rate or weight_decay of its optimizer."

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 from torch.overrides import TorchFunctionMode
 
-LARGEST = 1 << 31  # bytes that compressed arrays may become; published networks have a fifth
+MAX_BYTES = 1 << 31  # bytes that compressed arrays may become; published networks have a fifth
 LARGEST_WEIGHT = 1e15
 
 
@@ -29,7 +29,7 @@ def check_archive(file: Path | BytesIO) -> None:
     except BadZipFile:
         return
     stored = file.stat().st_size if isinstance(file, Path) else len(file.getbuffer())
-    if size > max(LARGEST, stored):
+    if size > max(MAX_BYTES, stored):
         raise ValueError("it would take up more memory than any network")
 
 

@@ -19,7 +19,7 @@ from tex_lightning.networks.trunks import Trunk, name_trunk
 from tex_lightning.networks.trunks.base import Layout
 
 log = logging.getLogger(__name__)
-LARGEST = 1e6  # of a weight; published ones are below 100, and larger ones overflow in a product
+MAX_WEIGHT = 1e6  # of a weight; published ones are below 100, and larger ones overflow in a product
 LAYOUTS: dict[str, Layout] = {
     ".npz": "caffe",
     ".pth": "efficientnet",
@@ -149,7 +149,7 @@ def _select(
                     "give another file or another trunk=NAME."
                 )
             state[target] = content[name].float()
-            if not (state[target].abs() < LARGEST).all():  # false for NaN
+            if not (state[target].abs() < MAX_WEIGHT).all():  # false for NaN
                 raise UserError(
                     f"weights: {name} in {path} is not finite, or huge; replace the file."
                 )

@@ -15,7 +15,7 @@ from tex_lightning.core.contract import (
     breach,
     calling,
     check_call,
-    describe,
+    describe_value,
     fault_of,
     resolve,
 )
@@ -25,7 +25,7 @@ from tex_lightning.perturbations.pixels import Array, Scene
 from tex_lightning_runtime.files import require_file
 
 SEVERITIES = (1, 2, 3, 4, 5)
-LARGEST = 1e30  # of a level; recordings are float32
+MAX_LEVEL = 1e30  # of a level; recordings are float32
 SCALES = Path(__file__).with_name("severities.yaml")
 
 Function = Callable[[Array, float, Scene], Array]
@@ -136,8 +136,8 @@ def _read(path: Path) -> dict[str, Perturbation]:
 def _check(kind: Perturbation) -> None:
     if kind.name in perturbations():
         raise ValueError(f"{kind.name} is the name of one of the package")
-    if len(kind.levels) != 6 or not all(abs(level) < LARGEST for level in kind.levels):
-        raise ValueError(f"{kind.name} has no six levels, each below {LARGEST:g}")
+    if len(kind.levels) != 6 or not all(abs(level) < MAX_LEVEL for level in kind.levels):
+        raise ValueError(f"{kind.name} has no six levels, each below {MAX_LEVEL:g}")
     _function(kind)
 
 
@@ -169,7 +169,9 @@ def perturb(part: Part, function: Function, recording: Array, value: float, scen
     channels = -1 if recording.dtype == np.uint8 else 0
     fits = changed.ndim == recording.ndim and changed.shape[channels] == recording.shape[channels]
     if not fits or changed.dtype.kind not in "buif":
-        raise breach(*part, f"returned {describe(changed)} for one of shape {recording.shape}")
+        raise breach(
+            *part, f"returned {describe_value(changed)} for one of shape {recording.shape}"
+        )
     if not np.isfinite(changed).all():
         raise breach(*part, "gave NaN or infinity")
     return changed

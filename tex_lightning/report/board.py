@@ -20,7 +20,7 @@ from tex_lightning.config.overrides import Setting
 from tex_lightning.core.files import write_bytes, write_text
 
 Pixels = npt.NDArray[np.uint8]
-LARGEST = 8192  # pixels along a sprite, of which TensorBoard shows no more
+MAX_SPRITE = 8192  # pixels along a sprite, of which TensorBoard shows no more
 ORDER = ("haptic", "visual", "sound")  # of reading; then senses of the user's, and the fusion last
 FUSION = "fusion"
 PNG = b"\x89PNG"  # with which such files begin

@@ -23,7 +23,7 @@ from tex_lightning.report.table import Table, read_or_empty
 from tex_lightning.text import printable
 
 FOLDER = "samples"
-MOST = 50  # wrong samples of a network that are kept, the worst of them
+MAX_WRONG = 50  # wrong samples of a network that are kept, the worst of them
 HEARD = 2.0  # s of a sound
 LOWEST = 11_025  # Hz: faster sounds are kept at half, a quarter, … of their rate down to it
 Look = Callable[[int], ShownSample]
@@ -48,7 +48,7 @@ def keep_samples(
         samples: The samples.
         classes: Names of the classes.
     """
-    wrong = [n for n in worst(outcomes, MOST) if outcomes[n].label != outcomes[n].predicted]
+    wrong = [n for n in worst(outcomes, MAX_WRONG) if outcomes[n].label != outcomes[n].predicted]
     pairs = []
     for pair in confused_pairs(outcomes, classes)[:PAIRS]:
         sides = (side_of(outcomes, pair.label, pair.predicted), side_of(outcomes, pair.predicted))

@@ -10,7 +10,7 @@ from matplotlib.ticker import PercentFormatter
 
 from tex_lightning.report.style import COLOURS, brief, styled
 
-Row = Mapping[str, Any]  # of ``frontier.csv``, by column
+FrontierRow = Mapping[str, Any]  # of ``frontier.csv``, by column
 GREY = "#6b6b6b"  # of what another system beats in both
 ROW = 0.27  # inches
 LONGEST = 70  # characters of a name
@@ -21,7 +21,7 @@ ROOM = 1.22  # times the longest bar, for its number
 
 
 @styled
-def frontier_figure(rows: Sequence[Row], title: str, chance: float) -> Figure:
+def frontier_figure(rows: Sequence[FrontierRow], title: str, chance: float) -> Figure:
     """Draw a row for each system: accuracy with interval on the left, time on the right.
 
     The most accurate system is on top, and among equals the fastest. Systems that another one beats
@@ -62,20 +62,20 @@ def frontier_figure(rows: Sequence[Row], title: str, chance: float) -> Figure:
     return figure
 
 
-def _name(row: Row) -> str:
+def _name(row: FrontierRow) -> str:
     """Return the name in lines so short that a phone shows the figures beside it."""
     return fill(
         brief(row["name"], LONGEST) + " (chosen)" * row["chosen"], LINE, break_on_hyphens=False
     )
 
 
-def _colour(row: Row) -> str:
+def _colour(row: FrontierRow) -> str:
     if row["chosen"]:
         return COLOURS[4]
     return COLOURS[0] if row["on_frontier"] else GREY
 
 
-def _draw_row(left: Axes, right: Axes, place: int, row: Row) -> None:
+def _draw_row(left: Axes, right: Axes, place: int, row: FrontierRow) -> None:
     colour, accuracy = _colour(row), row["vote_accuracy"]
     spread = [[max(accuracy - row["ci_low"], 0)], [max(row["ci_high"] - accuracy, 0)]]
     left.errorbar(accuracy, place, xerr=spread, color=colour, marker="o", capsize=2.5)

@@ -15,7 +15,7 @@ from tex_lightning.report.table import facts, markdown, typed_overrides
 from tex_lightning.text import printable, to_markdown
 
 WORST = 6  # samples, as far as there are errors
-LEAST = 3  # of which those that are right are the least sure
+MIN_SHOWN = 3  # of which those that are right are the least sure
 PAIRS = 3
 # Tags of the figures that a test draws, by the end of their file's name.
 FIGURES = {
@@ -75,7 +75,7 @@ def sample_pieces(
     """
     shown = cache(look)
     errors = sum(outcome.label != outcome.predicted for outcome in outcomes)
-    for place, number in enumerate(worst(outcomes, min(WORST, max(errors, LEAST))), 1):
+    for place, number in enumerate(worst(outcomes, min(WORST, max(errors, MIN_SHOWN))), 1):
         sample = shown(number)
         yield Picture(
             f"worst samples/{place} {printable(sample.title)}", jpeg(sample_picture(sample))

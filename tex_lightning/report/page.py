@@ -24,8 +24,8 @@ from tex_lightning.report.errors import class_tables, error_cards
 from tex_lightning.report.table import (
     POOLED,
     TINY,
-    Row,
     Table,
+    TableRow,
     condition_rows,
     counted,
     facts,
@@ -45,7 +45,7 @@ MAX_SETTINGS = 4  # that a label shows
 
 
 @dataclass(frozen=True)
-class System:
+class ReportedSystem:
     """One system and all its tests.
 
     Attributes:
@@ -91,7 +91,7 @@ class System:
         return (self.data, self.kind) if self.data in DATA_TABLES else (self.kind,)
 
 
-def read_systems(runs: Iterable[Path]) -> list[System]:
+def read_systems(runs: Iterable[Path]) -> list[ReportedSystem]:
     """Read all systems that runs have tested; those that differ in fold or seed alone are one.
 
     Args:
@@ -135,7 +135,7 @@ def _variants(runs: Sequence[Path]) -> list[str]:
 
 def _pool(
     key: tuple[str, ...], variant: str, members: Sequence[tuple[Path, dict[str, Any]]]
-) -> System:
+) -> ReportedSystem:
     model, kind, inside, data = key
     by_seed: dict[Any, list[Outcome]] = {}
     for run, _ in members:
@@ -145,14 +145,14 @@ def _pool(
     seeds = seeds if len(seeds) > 1 else []
     entries = [results["networks"][kind] for _, results in members]
     first = next(iter(by_seed.values()))
-    return System(
+    return ReportedSystem(
         model, kind, inside, data, variant, members[0][1]["classes"], entries, first, seeds
     )
 
 
-def comparison_tables(systems: Sequence[System]) -> list[Table]:
+def comparison_tables(systems: Sequence[ReportedSystem]) -> list[Table]:
     """Return every table that compares systems: accuracies, also by condition."""
-    groups: dict[str, list[System]] = {}
+    groups: dict[str, list[ReportedSystem]] = {}
     for system in systems:
         groups.setdefault(system.tables[0], []).append(system)
     tables = [
@@ -170,7 +170,7 @@ def comparison_tables(systems: Sequence[System]) -> list[Table]:
     return [table for table in tables if table.rows]
 
 
-def accuracy_table(name: str, systems: Sequence[System]) -> Table:
+def accuracy_table(name: str, systems: Sequence[ReportedSystem]) -> Table:
     """Return a line for each system, with the paper's figures where these are of the same data."""
     table = paper_table(name)
     order = [row["model"] for row in table.get("rows", ())]
@@ -191,7 +191,7 @@ def accuracy_table(name: str, systems: Sequence[System]) -> Table:
     return Table(table.get("title") or f"{name.capitalize()} classification", rows, text)
 
 
-def _line(system: System, top: System, paper: Mapping[str, Any]) -> Row:
+def _line(system: ReportedSystem, top: ReportedSystem, paper: Mapping[str, Any]) -> TableRow:
     ours = {
         **system.entries[0],
         **pooled_metrics(system.outcomes, calibrated=False),
@@ -209,21 +209,21 @@ def _line(system: System, top: System, paper: Mapping[str, Any]) -> Row:
     }
 
 
-def _accuracy(system: System) -> str:
+def _accuracy(system: ReportedSystem) -> str:
     """Return the accuracy with its counts, or the mean over seeds with its deviation."""
     if not system.seeds:
         return counted(summarise(system.outcomes))
     return f"{system.accuracy:.1%} ± {stdev(system.seeds):.1%} ({len(system.seeds)} seeds)"
 
 
-def _interval(system: System) -> str:
+def _interval(system: ReportedSystem) -> str:
     """Return Wilson's interval of the counts; seeds have none, since they test the same samples."""
     if system.seeds:
         return ""
     return METRICS["vote_ci95"].told(summarise(system.outcomes))
 
 
-def _against(top: System, system: System) -> str:
+def _against(top: ReportedSystem, system: ReportedSystem) -> str:
     """Return p of the exact McNemar test against the row of highest accuracy, with its counts.
 
     A system of fewer senses is compared on its part of each sample; a dash stands where the

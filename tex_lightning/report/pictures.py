@@ -16,14 +16,14 @@ Pixels = npt.NDArray[np.uint8]
 SHADES = 256
 OUTER = 0.5  # percent of the values at each end whose shade is that of the end
 FEW = 8  # rows of what is no picture
-LEAST = 96  # pixels on the shorter side, to which smaller inputs are enlarged
-MOST = 640  # pixels along a picture
+MIN_SIDE = 96  # pixels on the shorter side, to which smaller inputs are enlarged
+MAX_SIDE = 640  # pixels along a picture
 LINE = 14  # pixels of a line of text
 GAP = 6
 MAX_CAPTION = 40  # characters
 
 
-def input_pixels(x: Tensor, features: object, largest: int = MOST) -> Pixels:
+def input_pixels(x: Tensor, features: object, largest: int = MAX_SIDE) -> Pixels:
     """Return a network input (C, height, width) as a picture (h, w, 3), low bands at the bottom.
 
     A photo that was normalised for a trunk gets its colours back; anything else is shown in shades
@@ -56,9 +56,9 @@ def shaded(values: npt.NDArray[np.float32]) -> Pixels:
 def _sized(pixels: Pixels, largest: int) -> Pixels:
     """Enlarge a small picture by whole factors, and reduce a large one."""
     height, width = pixels.shape[:2]
-    rows, columns = max(1, LEAST // height), max(1, LEAST // width)
+    rows, columns = max(1, MIN_SIDE // height), max(1, MIN_SIDE // width)
     if height > FEW:  # a picture, and not some features in time, keeps its proportions
-        rows = columns = max(1, LEAST // min(height, width))
+        rows = columns = max(1, MIN_SIDE // min(height, width))
     pixels = pixels.repeat(rows, axis=0).repeat(columns, axis=1)
     if max(pixels.shape[:2]) <= largest:
         return pixels
@@ -99,7 +99,7 @@ def captioned(rows: Sequence[tuple[str, Sequence[Pixels]]]) -> Pixels:
         width = sum(picture.shape[1] + GAP for picture in pictures) - GAP if pictures else 0
         height = max((picture.shape[0] for picture in pictures), default=0)
         sizes.append((width, height + (LINE if caption else 0) + 2))
-    width = max(*(size[0] for size in sizes), LEAST)
+    width = max(*(size[0] for size in sizes), MIN_SIDE)
     sheet = Image.new("RGB", (width, sum(size[1] for size in sizes)), "white")
     draw, y = ImageDraw.Draw(sheet), 0
     for (caption, pictures), (_, height) in zip(rows, sizes, strict=True):

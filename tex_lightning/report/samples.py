@@ -25,7 +25,7 @@ WIDTH = 320  # pixels of a picture of a recording
 HEIGHT = 64  # of a trace as drawn
 STRIP = 18  # of the classes along a signal
 SECONDS = 5.0  # of a sound
-LEAST_RATE = 8000  # Hz; slower sounds are brought to it, as browsers play none below 3 kHz
+MIN_RATE = 8000  # Hz; slower sounds are brought to it, as browsers play none below 3 kHz
 TRUE, LABEL, OTHER = (0, 158, 115), (213, 94, 0), (200, 200, 200)  # Okabe and Ito; a light grey
 TRACE = (0, 114, 178)
 LEGEND = "fragments: green the true class, orange the label, grey others"
@@ -147,9 +147,9 @@ def _sound(
     samples = signal[:, : int(SECONDS * rate)].mean(axis=0)
     samples = samples - samples.mean()
     samples = samples / max(float(np.abs(samples).max()), 1e-12)
-    if rate < LEAST_RATE:
-        times = np.arange(int(len(samples) * LEAST_RATE / rate)) * rate / LEAST_RATE
-        samples, rate = np.interp(times, np.arange(len(samples)), samples), LEAST_RATE
+    if rate < MIN_RATE:
+        times = np.arange(int(len(samples) * MIN_RATE / rate)) * rate / MIN_RATE
+        samples, rate = np.interp(times, np.arange(len(samples)), samples), MIN_RATE
     return samples.astype(np.float32), round(rate)
 
 

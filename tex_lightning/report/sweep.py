@@ -22,7 +22,7 @@ from tex_lightning.report.table import TINY, Table, is_tiny, make_table
 from tex_lightning.report.trials import (
     FAILURE,
     JOB,
-    Row,
+    TrialRow,
     assigned,
     columns,
     sweep_rows,
@@ -142,7 +142,7 @@ def runs_side_by_side(config: DictConfig) -> bool:
     return str(OmegaConf.select(config, "hydra.launcher._target_")) != ONE_BY_ONE
 
 
-def _print(table: Table, rows: Sequence[Row], directory: Path) -> None:
+def _print(table: Table, rows: Sequence[TrialRow], directory: Path) -> None:
     """Print a line for each row that is shown, failures, and where the files are."""
     right = {heading for row in rows for heading in told_figures(row, searched=False)}
     one = len({row["network"] for row in rows if "network" in row}) == 1

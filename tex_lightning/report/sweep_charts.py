@@ -18,7 +18,7 @@ from tex_lightning.report.trials import (
     BEST,
     JOB,
     LOSS,
-    Row,
+    TrialRow,
     assigned,
     short,
     short_names,
@@ -42,7 +42,7 @@ class Point(NamedTuple):
     high: float
 
 
-def draw_sweep(rows: Sequence[Row], directory: Path, *, searched: bool) -> list[Path]:
+def draw_sweep(rows: Sequence[TrialRow], directory: Path, *, searched: bool) -> list[Path]:
     """Save a figure over each swept key as ``figures/sweep_KEY.png`` and return the files.
 
     Args:
@@ -66,7 +66,7 @@ def _column(searched: bool) -> str:
     return LOSS if searched else "vote_accuracy"
 
 
-def _asked(rows: Iterable[Row]) -> list[Row]:
+def _asked(rows: Iterable[TrialRow]) -> list[TrialRow]:
     """Return the last network of each job, the one that was asked for, and what sums it up."""
     asked = {(row[JOB], *row["overrides"]): row for row in rows}
     return [*asked.values()]
@@ -74,7 +74,7 @@ def _asked(rows: Iterable[Row]) -> list[Row]:
 
 @styled
 def key_figure(
-    rows: Sequence[Row], key: str, names: dict[str, str], *, searched: bool
+    rows: Sequence[TrialRow], key: str, names: dict[str, str], *, searched: bool
 ) -> Figure | None:
     """Draw the figures of rows over one key; None where fewer than two values have any.
 
@@ -115,7 +115,7 @@ def key_figure(
     return figure
 
 
-def _interval(row: Row, column: str) -> tuple[float, float, float]:
+def _interval(row: TrialRow, column: str) -> tuple[float, float, float]:
     value = float(row[column])
     if column == LOSS:
         return value, value, value
@@ -186,7 +186,7 @@ def _draw(
     )  # fmt: skip
 
 
-def _star(axes: Axes, rows: Sequence[Row], key: str, places: dict[str, float]) -> None:
+def _star(axes: Axes, rows: Sequence[TrialRow], key: str, places: dict[str, float]) -> None:
     for row in rows:
         if row.get(BEST) and key in assigned(row):
             across = places[assigned(row)[key]]

@@ -13,7 +13,7 @@ from tex_lightning.core.console import DEBUG, Screen, console
 from tex_lightning.core.files import read_record
 from tex_lightning.core.run_folder import SETTINGS
 from tex_lightning.data.recordings import natural_key
-from tex_lightning.evaluation.conditions import KEY
+from tex_lightning.evaluation.conditions import CONDITIONS
 from tex_lightning.evaluation.metrics import METRICS, counts_text, metrics_in, told
 
 PAPER = Path(__file__).with_name("paper.yaml")
@@ -28,7 +28,7 @@ OWN_SENSE = re.compile(r"\+sense@model\.(\w+)=\1$")  # which the package adds fo
 MAX_LISTED = 12  # values of a condition that a table lists; results.json has all
 
 Network = Mapping[str, Any]  # an entry of results.json
-Row = Mapping[str, str]
+TableRow = Mapping[str, str]
 
 
 class Table(NamedTuple):
@@ -41,7 +41,7 @@ class Table(NamedTuple):
     """
 
     title: str
-    rows: Sequence[Row]
+    rows: Sequence[TableRow]
     text: str = ""
 
     @property
@@ -144,12 +144,12 @@ def condition_rows(networks: Mapping[str, Network]) -> list[dict[str, str]]:
     """
     values: dict[str, dict[str, None]] = {}
     for entry in networks.values():
-        for name, counts in entry.get(KEY, {}).items():
+        for name, counts in entry.get(CONDITIONS, {}).items():
             values.setdefault(name, {}).update(dict.fromkeys(counts))
     rows = []
     for name, known in values.items():
         for value in sorted(known, key=natural_key) if 1 < len(known) <= MAX_LISTED else ():
-            entries = {network: entry.get(KEY, {}).get(name, {}).get(value)
+            entries = {network: entry.get(CONDITIONS, {}).get(name, {}).get(value)
                        for network, entry in networks.items()}  # fmt: skip
             cells = {
                 network: counted(counts) if counts else "" for network, counts in entries.items()

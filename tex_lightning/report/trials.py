@@ -17,7 +17,7 @@ from tex_lightning.evaluation.outcomes import COUNTS
 from tex_lightning.evaluation.outcomes import counted as counted_votes
 from tex_lightning.report.table import FOLD_KEYS, Table, counted, run_overrides, run_settings
 
-Row = dict[str, Any]
+TrialRow = dict[str, Any]
 
 FAILURE = "failure.json"
 JOB = "job"
@@ -39,7 +39,7 @@ def columns() -> list[str]:
     ]  # fmt: skip
 
 
-def sweep_rows(jobs: Sequence[Path], *, searched: bool) -> list[Row]:
+def sweep_rows(jobs: Sequence[Path], *, searched: bool) -> list[TrialRow]:
     """Return a row for each network of each job, then those of folds, then those of seeds.
 
     Args:
@@ -56,9 +56,13 @@ def sweep_rows(jobs: Sequence[Path], *, searched: bool) -> list[Row]:
     return rows + _pooled(rows)
 
 
-def _of_job(job: Path) -> list[Row]:
+def _of_job(job: Path) -> list[TrialRow]:
     """Return a row for each network that a job tested, or one with its status."""
-    start: Row = {JOB: job.name, "overrides": run_overrides(job), "settings": run_settings(job)}
+    start: TrialRow = {
+        JOB: job.name,
+        "overrides": run_overrides(job),
+        "settings": run_settings(job),
+    }
     if (job / FAILURE).is_file():
         failure = read_record(job / FAILURE)
         return [{**start, "overrides": failure["overrides"], "status": failure["error"]}]
@@ -76,7 +80,7 @@ def _of_job(job: Path) -> list[Row]:
     ] or [start]
 
 
-def _mark_best(rows: Sequence[Row]) -> None:
+def _mark_best(rows: Sequence[TrialRow]) -> None:
     """Mark the job whose last network, the one that was asked for, has the least loss."""
     asked = {row[JOB]: row for row in rows}.values()
     known = [row for row in asked if row.get(LOSS) is not None]
@@ -84,7 +88,7 @@ def _mark_best(rows: Sequence[Row]) -> None:
         min(known, key=lambda row: float(row[LOSS]))[BEST] = BEST
 
 
-def _pooled(rows: Sequence[Row]) -> list[Row]:
+def _pooled(rows: Sequence[TrialRow]) -> list[TrialRow]:
     """Return counts over jobs that differ in the tested fold alone, then means over seeds."""
     tested = [row for row in rows if "vote_accuracy" in row]
     folds, whole = [], []
@@ -103,19 +107,19 @@ def _pooled(rows: Sequence[Row]) -> list[Row]:
     return folds + seeds
 
 
-def _means(members: Sequence[Row]) -> Row:
+def _means(members: Sequence[TrialRow]) -> TrialRow:
     """Return the mean of each figure that all members have; counts have none."""
     names = [metric.name for metric in metrics_in("sweep", "scores", "costs")]
     common = [name for name in names if all(row.get(name) is not None for row in members)]
     return {name: mean(row[name] for row in members) for name in common}
 
 
-def _alike(rows: Sequence[Row], keys: tuple[str, ...]) -> list[list[Row]]:
+def _alike(rows: Sequence[TrialRow], keys: tuple[str, ...]) -> list[list[TrialRow]]:
     """Return groups of rows of one network whose settings differ in ``keys`` alone.
 
     A trial that a search made twice differs in nothing, and is in one group once.
     """
-    groups: dict[str, dict[str, Row]] = {}
+    groups: dict[str, dict[str, TrialRow]] = {}
     for row in rows:
         kept = {key: value for key, value in row["settings"].items() if key not in keys}
         group = groups.setdefault(json.dumps([row["network"], kept], sort_keys=True), {})
@@ -123,7 +127,7 @@ def _alike(rows: Sequence[Row], keys: tuple[str, ...]) -> list[list[Row]]:
     return [[*group.values()] for group in groups.values()]
 
 
-def _over(what: str, members: Sequence[Row]) -> Row:
+def _over(what: str, members: Sequence[TrialRow]) -> TrialRow:
     shared = set.intersection(*({*row["overrides"]} for row in members))
     losses = [row[LOSS] for row in members if row.get(LOSS) is not None]
     return {
@@ -139,7 +143,7 @@ def _over(what: str, members: Sequence[Row]) -> Row:
     }
 
 
-def shown_rows(rows: Sequence[Row]) -> list[Row]:
+def shown_rows(rows: Sequence[TrialRow]) -> list[TrialRow]:
     """Return the rows for people: what sums up others stands at the place of the first of them."""
     places = {id(row): place for place, row in enumerate(rows)}
     hidden: set[int] = set()
@@ -150,13 +154,13 @@ def shown_rows(rows: Sequence[Row]) -> list[Row]:
     return sorted((row for row in rows if id(row) not in hidden), key=lambda row: places[id(row)])
 
 
-def assigned(row: Row) -> dict[str, str]:
+def assigned(row: TrialRow) -> dict[str, str]:
     """Return the values that the overrides of a row give, by key."""
     pairs = (item.lstrip("+~").partition("=") for item in row["overrides"])
     return {key: value for key, _, value in pairs}
 
 
-def swept_keys(rows: Sequence[Row]) -> list[str]:
+def swept_keys(rows: Sequence[TrialRow]) -> list[str]:
     """Return the keys whose values differ between jobs, in the order of the overrides."""
     jobs = [assigned(row) for row in rows if "members" not in row]
     keys = dict.fromkeys(key for values in jobs for key in values)
@@ -174,7 +178,7 @@ def short_names(keys: Sequence[str]) -> dict[str, str]:
     return names
 
 
-def sweep_table(rows: Sequence[Row], *, searched: bool) -> Table:
+def sweep_table(rows: Sequence[TrialRow], *, searched: bool) -> Table:
     """Return the table for people: what was swept first, then what came out."""
     keys = swept_keys(rows)
     names = short_names(keys)
@@ -194,12 +198,12 @@ def short(value: str) -> str:
         return value
 
 
-def _told(row: Row, searched: bool) -> dict[str, str]:
+def _told(row: TrialRow, searched: bool) -> dict[str, str]:
     """Return what came out of a row, by heading."""
     return {JOB: row[JOB], "network": row.get("network", ""), **told_figures(row, searched)}
 
 
-def told_figures(row: Row, searched: bool) -> dict[str, str]:
+def told_figures(row: TrialRow, searched: bool) -> dict[str, str]:
     """Return the figures of a row as text, by heading."""
     loss = METRICS[LOSS]
     return {
@@ -211,7 +215,7 @@ def told_figures(row: Row, searched: bool) -> dict[str, str]:
     }
 
 
-def _accuracy(row: Row) -> str:
+def _accuracy(row: TrialRow) -> str:
     """Return the accuracy of a row, or its status."""
     if "vote_accuracy" not in row:
         untested = "not tested" if "network" in row else "done"

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.config.instantiation import TARGET, make, make_value, trusted_class
-from tex_lightning.core.contract import breach, calling, describe
+from tex_lightning.core.contract import breach, calling, describe_value
 from tex_lightning.core.devices import full_precision
 from tex_lightning.data.banks import Bank
 from tex_lightning.data.decode import Array, Decoder, check_decoding
@@ -180,7 +180,7 @@ class Sense(nn.Module, ABC):
         with calling(*part), full_precision(x.device):
             output: object = self.features(x)
         if not isinstance(output, Tensor) or output.dim() < self.dimensions or len(output) != batch:
-            raise breach(*part, f"returned {describe(output)} for a batch of {batch}")
+            raise breach(*part, f"returned {describe_value(output)} for a batch of {batch}")
         if x.is_floating_point() and not bool(output.isfinite().all()):
             custom = "" if is_builtin(self.features) else type(self.features).__name__
             raise UserError(
@@ -264,7 +264,7 @@ class Sense(nn.Module, ABC):
         with calling(*part):
             features: object = network.features(x, level)
         if not isinstance(features, Tensor) or features.dim() < 3 or len(features) != len(x):
-            raise breach(*part, f"returned {describe(features)} for a batch of {len(x)}")
+            raise breach(*part, f"returned {describe_value(features)} for a batch of {len(x)}")
         return features
 
     def piece_size(self, size: int) -> int:

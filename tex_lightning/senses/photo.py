@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor
 
-from tex_lightning.core.contract import breach, calling, describe
+from tex_lightning.core.contract import breach, calling, describe_value
 from tex_lightning.data.banks import PhotoBank
 from tex_lightning.data.decode import Array, PhotoDecoder
 from tex_lightning.data.recordings import Recording
@@ -148,7 +148,7 @@ def augment(key: str, augmentation: Callable[[Tensor], Any], patches: Tensor) ->
     with calling(*part):
         pixels: object = augmentation(patches)
     if not isinstance(pixels, Tensor) or pixels.dim() != 4 or len(pixels) != len(patches):
-        raise breach(*part, f"returned {describe(pixels)} for a batch of {len(patches)}")
+        raise breach(*part, f"returned {describe_value(pixels)} for a batch of {len(patches)}")
     if not bool(pixels.isfinite().all()):
         raise breach(*part, "gave NaN or infinity")
     return pixels

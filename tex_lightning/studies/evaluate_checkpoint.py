@@ -32,7 +32,7 @@ from tex_lightning.report.figures import (
     save_figure,
 )
 
-LEAST_CALIBRATED = 50  # samples from which a calibration is drawn
+MIN_CALIBRATED = 50  # samples from which a calibration is drawn
 
 
 def results_frame(
@@ -140,7 +140,7 @@ def draw_figures(
         "confusion_fragments": confusion_figure(fragments, classes, counted),
         "classes": recall_figure(fragments, classes, counted),
     }
-    if len(outcomes) >= LEAST_CALIBRATED:
+    if len(outcomes) >= MIN_CALIBRATED:
         figures["calibration"] = calibration_figure(outcomes, name)
     for title, figure in figures.items():
         save_figure(figure, directory / "figures" / f"{name}_{title}")

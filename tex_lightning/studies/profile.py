@@ -27,7 +27,7 @@ from tex_lightning_runtime.resampling import to_rate
 
 BATCH = 32  # windows that go through a network at once
 SLICES = 100  # a quick function gets this fraction of the budget in each round
-LEAST_RATE = 2000  # Hz, of a rendered trace: the tool rings at 430 Hz
+MIN_RATE = 2000  # Hz, of a rendered trace: the tool rings at 430 Hz
 # Rows, inner size and columns of products of which one or another is this machine's fastest:
 # squares, and the flat shape that convolutions have. A graphics card takes more to be busy.
 SHAPES = ((512, 512, 512), (1024, 1024, 1024), (2048, 2048, 2048), (4096, 1152, 128))
@@ -123,7 +123,7 @@ def render_recording(sense: Sense, profile: ProfileConfig, seed: int) -> Array:
     specimen = Specimen(make_materials(2, seed)[0])
     if isinstance(sense.decoder, SignalDecoder):
         rate = round(sense.decoder.sampling_rate)
-        rendered = max(rate, LEAST_RATE)
+        rendered = max(rate, MIN_RATE)
         trace = slide_tool(specimen, rng, profile.seconds, rendered)
         return to_rate(trace, rendered, rate, "The rendered trace")
     return render_photo(specimen, rng, size=(profile.width, profile.height))

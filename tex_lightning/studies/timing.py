@@ -10,7 +10,7 @@ import torch
 from tex_lightning.core.devices import synchronise
 from tex_lightning.core.progress import track
 
-LEAST_ROUNDS = 3
+MIN_ROUNDS = 3
 
 
 class Timing(NamedTuple):
@@ -57,7 +57,7 @@ def interleaved(
     spent: dict[str, list[float]] = {name: [] for name in functions}
     begin = time.perf_counter()
     for done in track(range(repeats), "timing repeat"):
-        if done >= LEAST_ROUNDS and time.perf_counter() - begin > budget_s:
+        if done >= MIN_ROUNDS and time.perf_counter() - begin > budget_s:
             break
         for name, function in functions.items():
             spent[name] += _turn(function, slice_s)

@@ -22,7 +22,7 @@ from tex_lightning.evaluation.comparison import (
 from tex_lightning.evaluation.metrics import METRICS, metrics_in, pooled_metrics
 from tex_lightning.evaluation.outcomes import environment, write_results
 from tex_lightning.report.figures import save_figure
-from tex_lightning.report.frontier_chart import Row, frontier_figure
+from tex_lightning.report.frontier_chart import FrontierRow, frontier_figure
 from tex_lightning.report.table import make_table, print_tables
 from tex_lightning.studies.family import (
     System,
@@ -145,7 +145,7 @@ def _command(job: Job, overrides: Sequence[str]) -> str:
     return shlex.join(["python", "-m", "tex_lightning", *flags, *job.searchpath, *ordered])
 
 
-def print_frontier(rows: Sequence[Row], directory: Path, command: str) -> None:
+def print_frontier(rows: Sequence[FrontierRow], directory: Path, command: str) -> None:
     """Print one line per system, and how to train the chosen one.
 
     Args:

@@ -25,11 +25,11 @@ MIN_SAMPLES = 8  # of a window; at a slow rate the short ones are left out
 # no proportions, nor deviations
 WINDOWS_IN_RECORDING, WINDOWS_IN_SLOW = 2, 4
 MAX_WINDOWS = 16
-KEPT = 50_000  # frames, about, that thresholds are learnt from: enough for quantiles
+MAX_FRAMES = 50_000  # frames, about, that thresholds are learnt from: enough for quantiles
 FLOOR = 1e-7  # of the power of a frame; below it the logarithm is flat
 SILENCE = 1e-15  # of the mean power of the training set, likewise
 QUIET = 1e-3  # of a channel's usual deviation, likewise
-MOST_APART = 8  # axes of a slow signal whose bands also count one by one
+MAX_APART = 8  # axes of a slow signal whose bands also count one by one
 SHAPE, POWER, AXES = "shape", "power", "axes"  # kinds of blocks of proportions
 MEAN, DEVIATION, LEVEL = "mean", "deviation", "level"
 
@@ -109,7 +109,7 @@ class BandProportions(nn.Module):
             )
         self.sampling_rate, self.skip_impact = sampling_rate, skip_impact
         self.fragment_seconds, self.levels = fragment_seconds, levels or 0
-        self.apart = self.levels if 1 < self.levels <= MOST_APART else 0
+        self.apart = self.levels if 1 < self.levels <= MAX_APART else 0
         self.kinds = (SHAPE, SHAPE, SHAPE, POWER)[: 4 if self.levels else 3]
         self.lengths: list[int] = []
         self.gaps: list[int] = []
@@ -268,7 +268,7 @@ class BandProportions(nn.Module):
         self.level.copy_(level if level > 0 else torch.ones_like(level))
         for index in self.used:
             responses = [
-                _thinned(self.responses(movement, index), KEPT // len(movements))
+                _thinned(self.responses(movement, index), MAX_FRAMES // len(movements))
                 for movement in movements
             ]
             ordered = torch.cat(responses).sort(dim=0).values
