@@ -134,7 +134,7 @@ def subject(*, _root_: DictConfig) -> str:
     """
     task, source = _root_.task, OmegaConf.select(_root_, "checkpoint")
     if task == "stability" and (systems := OmegaConf.select(_root_, "stability.systems")):
-        names = [] if isinstance(systems, str) else [system_name(str(each)) for each in systems]
+        names = [] if isinstance(systems, str) else [system_name(str(system)) for system in systems]
         return "+".join(names) if 0 < len(names) <= LISTED else f"{len(names)}_systems"
     if task == "frontier":
         return str(OmegaConf.select(_root_, "hydra.runtime.choices.frontier"))

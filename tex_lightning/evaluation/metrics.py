@@ -205,7 +205,7 @@ def class_metrics(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     from torchmetrics.functional.classification import multiclass_stat_scores
 
     known = {name: None for outcome in outcomes for name in outcome.class_probabilities}
-    seen = {name: None for each in outcomes for name in (each.label, each.predicted)}
+    seen = {name: None for outcome in outcomes for name in (outcome.label, outcome.predicted)}
     classes = [*{**known, **seen}]
     index = {name: number for number, name in enumerate(classes)}
     truth = torch.tensor([index[outcome.label] for outcome in outcomes])

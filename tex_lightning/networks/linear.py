@@ -460,7 +460,7 @@ def fit_temperature(logits: Sequence[Tensor], labels: Sequence[int]) -> float:
 
     def loss(log_temperature: float) -> float:
         scaled = [(scores.cpu().double() / 10**log_temperature).softmax(dim=0) for scores in logits]
-        means = [each.sum(dim=1) / each.shape[1] for each in scaled]
+        means = [shares.sum(dim=1) / shares.shape[1] for shares in scaled]
         return float(-(target * torch.stack(means).clamp_min(1e-300).log()).sum() / count)
 
     return float(10 ** scipy.optimize.minimize_scalar(loss, bounds=(-1, 1), method="bounded").x)

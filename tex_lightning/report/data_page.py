@@ -87,7 +87,7 @@ def _by_class(told: Mapping[str, Any]) -> list[dict[str, str]]:
     return [
         {
             "class": label,
-            **{each["called"]: str(each["of_class"].get(label, 0)) for each in entries},
+            **{entry["called"]: str(entry["of_class"].get(label, 0)) for entry in entries},
         }
         for label in told["classes"]
     ]

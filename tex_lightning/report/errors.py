@@ -83,7 +83,7 @@ def _kept(home: Path, name: str, shown: ShownSample, sample: Sample) -> Kept:
         "files": dict(outcome.files),
         "facts": {key: value for key, value in facts.items() if value},
         "senses": {
-            sense: _sense(home, f"{name}_{sense}", each) for sense, each in shown.senses.items()
+            sense: _sense(home, f"{name}_{sense}", seen) for sense, seen in shown.senses.items()
         },
     }
 
@@ -151,9 +151,9 @@ def _right(
     """
     beside: dict[str, set[str]] = defaultdict(set)  # files that some sample has together
     correct: dict[str, dict[str, bool]] = {}
-    for network, each in outcomes.items():
+    for network, tested in outcomes.items():
         correct[network] = {}
-        for outcome in each:
+        for outcome in tested:
             for file in outcome.files.values():
                 beside[file].update(outcome.files.values())
                 correct[network][file] = outcome.label == outcome.predicted
@@ -172,7 +172,7 @@ def _right(
 def _pairs(
     directory: Path, network: str, told: Kept, outcomes: Mapping[str, Sequence[Outcome]]
 ) -> list[Kept]:
-    classes = sorted({outcome.label for each in outcomes.values() for outcome in each})
+    classes = sorted({outcome.label for tested in outcomes.values() for outcome in tested})
     others = {
         (own.pair.label, own.pair.predicted): own.others
         for own in own_pairs(outcomes, classes, most=len(classes) ** 2)

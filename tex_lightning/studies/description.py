@@ -55,7 +55,9 @@ def describe_data(
     modalities = list(dict.fromkeys(row.modality for row in rows))
     notes = [*rows.notes, *dataset.absences(divisions)]
     same = [*copies(rows)][:MAX_NOTES]
-    notes += [f"{each.text}: {each.files}; keep one, or give them one group." for each in same]
+    notes += [
+        f"{finding.text}: {finding.files}; keep one, or give them one group." for finding in same
+    ]
     for modality in modalities:
         signals = rows.of(modality)
         notes += rate_warnings(signals, dataset.store)
@@ -273,7 +275,7 @@ def readings(signals: Recordings, store: Store) -> list[str]:
         rates[kind].append(store.rate(row))
         first.setdefault(kind, row.path.name)
     said = []
-    for kind, values in sorted(rates.items(), key=lambda each: -len(each[1]))[:MAX_KINDS]:
+    for kind, values in sorted(rates.items(), key=lambda item: -len(item[1]))[:MAX_KINDS]:
         some = "" if len(rates) == 1 else f"{len(values)} as {first[kind]}: "
         said.append(some + kind.said(*sorted({min(values), max(values)})))
     more = len(rates) - MAX_KINDS

@@ -90,8 +90,8 @@ def fold_samples(dataset: Dataset, outcomes: Sequence[Outcome]) -> list[Sample]:
     """Return the samples of the outcomes of all folds."""
     rows = {(row.modality, row.source): row for row in dataset.recordings}
     return [
-        Sample(each.label, {key: rows[key, source] for key, source in each.files.items()})
-        for each in outcomes
+        Sample(outcome.label, {key: rows[key, file] for key, file in outcome.files.items()})
+        for outcome in outcomes
     ]
 
 

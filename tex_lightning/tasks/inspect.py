@@ -28,7 +28,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     divisions = [config.on_fold(fold).data for fold in range(data.folds)]
     told = show_opening(data, dataset, "", trains=divisions)
     found = [*suspicions(dataset.recordings, dataset.store), *_too_small(dataset, senses)]
-    told["findings"] = [each._asdict() for each in found]
+    told["findings"] = [finding._asdict() for finding in found]
     keep_description(told, dataset, job.directory)
     print_findings(told["findings"])
     frame = results_frame(
@@ -72,7 +72,7 @@ def _too_small(dataset: Dataset, senses: Sequence[Sense]) -> Iterator[Finding]:
         small = [unusable for row in rows if (unusable := dataset.too_small(row, sense))]
         if small:
             count = f"{len(small)} of {len(rows)} {plural(sense.modality)}; the first: "
-            files = named_files([each.recording for each in small])
+            files = named_files([unusable.recording for unusable in small])
             yield Finding("too small", f"{count}{small[0].reason}", files)
 
 

@@ -79,7 +79,7 @@ def _open(config: Config, sense: SignalSense, file: str) -> tuple[float, Iterato
         return rate, _from_standard_input(config.stream.axes, size)
     data = config.data
     decoder = sense.decoder.assuming(data.file_rate, data.channels, data.time_unit)
-    if decoder.channels and all(isinstance(each, int) for each in decoder.channels):
+    if decoder.channels and all(isinstance(channel, int) for channel in decoder.channels):
         decoder = replace(decoder, channels=None)  # not yet; names are those of the file
     trace, rate, reading = read_trace(Path(file).expanduser(), decoder)
     log_once(log, f"Reads {reading.said(rate)}.")

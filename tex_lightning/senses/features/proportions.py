@@ -283,8 +283,12 @@ class BandProportions(nn.Module):
 
     def _learn_levels(self, movements: Sequence[Tensor]) -> None:
         """Find the channels that are positive, and the usual deviation of each."""
-        self.positive.copy_(torch.stack([(each > 0).all(dim=-1) for each in movements]).all(dim=0))
-        deviation = torch.stack([each.std(dim=-1, correction=0) for each in movements]).mean(dim=0)
+        self.positive.copy_(
+            torch.stack([(movement > 0).all(dim=-1) for movement in movements]).all(dim=0)
+        )
+        deviation = torch.stack(
+            [movement.std(dim=-1, correction=0) for movement in movements]
+        ).mean(dim=0)
         self.deviation.copy_(torch.where(deviation > 0, deviation, torch.ones_like(deviation)))
 
     def forward(self, trace: Tensor) -> Tensor:
