@@ -151,3 +151,17 @@ def test_ctrl_c_names_the_folder_to_go_on_in(tmp_path, monkeypatch):
     assert command._interrupted() == "Interrupted."
     (tmp_path / "checkpoints").mkdir()
     assert "the same command with hydra.run.dir=RUN goes on" in command._interrupted()
+
+
+@pytest.mark.parametrize("override", ["model.haptic.width=0", "modle=haptic", "task=evaluate"])
+def test_a_wrong_command_ends_before_pytorch_is_imported(tmp_path, override):
+    code = (
+        "import sys; from tex_lightning.__main__ import main\n"
+        "try: sys.exit(main())\n"
+        "finally: print('torch' in sys.modules)"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", code, override],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (ran.returncode, ran.stdout, ran.stderr.count("\n")) == (2, "False\n", 1)

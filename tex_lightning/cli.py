@@ -23,7 +23,7 @@ import hydra
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config import CONF, SILENT, Config, flatten, plain_values, register
-from tex_lightning.config.check import check_shares
+from tex_lightning.config.check import check_shares, checked_config
 from tex_lightning.config.composition import (
     Job,
     current_job,
@@ -243,8 +243,7 @@ def run_job(composed: DictConfig) -> float | None:
     Returns:
         What a sweeper that searches is to minimise; None of a job that failed or trains nothing.
     """
-    from tex_lightning.report.sweep import note_failure
-    from tex_lightning.report.trials import FAILURE
+    from tex_lightning.report.sweep import FAILURE, note_failure
 
     job = current_job()
     swept = job.origin == "sweep"
@@ -301,13 +300,14 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     Raises:
         UserError: If the configuration or what it names cannot be used.
     """
+    config = checked_config(composed)  # what is wrong with it is said before PyTorch is imported
     from tex_lightning.data.own_defaults import settled
     from tex_lightning.report.sweep import runs_side_by_side
 
     Screen.sweep = job.origin == "sweep"
     several = Screen.sweep and runs_side_by_side(job.hydra)
     Screen.job = f"Job {job.hydra.hydra.job.num}: " if several else ""
-    config, composed, job = settled(composed, job)
+    config, composed, job = settled(config, composed, job)
     if config.checkpoint is not None:
         config = replace(config, checkpoint=str(find_checkpoint(config.checkpoint)))
     trust(*config.trusted, *named_classes(config.model.nodes))

@@ -367,7 +367,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
     ) -> tuple[SurfaceClassifier, Config]:
         """Train as the command line would, and return the whole model."""
         job = Job(tuple(overrides), folder, "python", True, (), OmegaConf.create({"hydra": {}}))
-        config, _, job = settled(composed, job)
+        config, _, job = settled(checked_config(composed), composed, job)
         trust(*config.trusted, *named_classes(config.model.nodes))
         if self.directory is None:
             config = replace(config, logger={})

@@ -6,7 +6,7 @@ import pytest
 from rich.console import Console
 
 from tex_lightning.core.console import Screen
-from tex_lightning.report import sweep, table
+from tex_lightning.report import sweep_summary, table
 from tex_lightning.report.trials import sweep_table
 from tex_lightning.tasks import frontier
 
@@ -28,7 +28,7 @@ RUN = {"task": "crossval", "model": "fusion", "data": "manifest", "classes": [*"
 def printed(monkeypatch):
     """What is printed on 80 columns."""
     console = Console(width=80, file=io.StringIO())
-    for module in (table, sweep, frontier):
+    for module in (table, sweep_summary, frontier):
         monkeypatch.setattr(module, "console", console)
     monkeypatch.setattr(Screen, "sweep", False)  # whatever ran before in this process
 
@@ -77,7 +77,7 @@ def test_sweep(printed, tmp_path):
     ]  # fmt: skip
     lost = {"job": "17", "overrides": ["model=haptic"], "status": "A sentence that explains."}
     rows.append(lost)
-    sweep._print(sweep_table(rows, searched=False), rows, tmp_path)
+    sweep_summary._print(sweep_table(rows, searched=False), rows, tmp_path)
     text = printed()
     assert text.count("98.8% (98765/100000)") == 2
     assert "Job 17: A sentence that explains." in text

@@ -44,10 +44,11 @@ RATE = "data.sampling_rate"
 SLOW_RATE = 500.0  # Hz; below it a signal's level and direction tell much: pressure, gravity
 
 
-def settled(composed: DictConfig, job: Job) -> tuple[Config, DictConfig, Job]:
-    """Check a configuration, and settle what follows from the user's recordings.
+def settled(config: Config, composed: DictConfig, job: Job) -> tuple[Config, DictConfig, Job]:
+    """Settle what follows from the user's recordings.
 
     Args:
+        config: The configuration, checked.
         composed: What Hydra composed from the overrides of the job.
         job: The job.
 
@@ -57,7 +58,6 @@ def settled(composed: DictConfig, job: Job) -> tuple[Config, DictConfig, Job]:
     Raises:
         UserError: If a key or value cannot be used, or the data set cannot be read.
     """
-    config = checked_config(composed)
     given = with_defaults(config.task, config.data, config.model, job)
     if given.overrides != job.overrides:
         composed = _recomposed(composed, job, given)

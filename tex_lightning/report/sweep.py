@@ -1,8 +1,8 @@
-"""Summary of a sweep: its table, its files, and its failures."""
+"""What Hydra calls around a sweep: its lock, its failures, and its summary at the end."""
 
 import json
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, ClassVar
@@ -13,26 +13,14 @@ from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config.composition import Job
 from tex_lightning.config.instantiation import named_classes, trust
-from tex_lightning.core.console import NORMAL, Screen, console, say
-from tex_lightning.core.files import write_rows, write_text
+from tex_lightning.core.console import NORMAL, Screen, say
+from tex_lightning.core.files import write_text
 from tex_lightning.core.run_folder import locked_folder
-from tex_lightning.data.recordings import natural_key
 from tex_lightning.errors import UserError
-from tex_lightning.report.table import TINY, Table, is_tiny, make_table
-from tex_lightning.report.trials import (
-    FAILURE,
-    JOB,
-    TrialRow,
-    assigned,
-    columns,
-    sweep_rows,
-    sweep_table,
-    swept_keys,
-    told_figures,
-)
 
 log = logging.getLogger(__name__)
 
+FAILURE = "failure.json"  # in the folder of a job that failed
 ALL_COMBINATIONS = "hydra._internal.core_plugins.basic_sweeper.BasicSweeper"
 ONE_BY_ONE = "hydra._internal.core_plugins.basic_launcher.BasicLauncher"
 NO_SWEEP = (
@@ -98,37 +86,14 @@ class SweepSummary(Callback):
             SystemExit: If it cannot be written.
         """
         with self._running, _as_exit():
-            _summarise(_folder(config), searched=is_search(config))
+            # takes PyTorch, which a wrong command ends without
+            from tex_lightning.report.sweep_summary import summarise
+
+            SweepSummary.failures = summarise(_folder(config), searched=is_search(config))
 
 
 def _folder(config: DictConfig) -> Path:
     return Path(str(OmegaConf.select(config, "hydra.sweep.dir"))).resolve()
-
-
-def _summarise(directory: Path, *, searched: bool) -> None:
-    marks = [*directory.glob("*/.hydra/overrides.yaml"), *directory.glob(f"*/{FAILURE}")]
-    jobs = sorted({directory / mark.relative_to(directory).parts[0] for mark in marks})
-    jobs.sort(key=lambda path: natural_key(path.name))
-    rows = sweep_rows(jobs, searched=searched)
-    SweepSummary.failures = sum(row["status"] != "done" for row in rows)
-    keys = swept_keys(rows)
-    lines = [{**row, **assigned(row), "overrides": " ".join(row["overrides"])} for row in rows]
-    known = columns()
-    headings = [*(key for key in keys if key not in known), *known]
-    cells = ([line.get(heading) for heading in headings] for line in lines)
-    write_rows(directory / "sweep.csv", headings, ([*map(_written, line)] for line in cells))
-    table = sweep_table(rows, searched=searched)
-    _print(table, rows, directory)
-    # heavy, and only now needed
-    from tex_lightning.report.page import write_report
-    from tex_lightning.report.sweep_charts import draw_sweep
-
-    draw_sweep(rows, directory, searched=searched)
-    write_report(directory, jobs, [table])
-
-
-def _written(cell: object) -> object:
-    return "" if cell is None else cell
 
 
 def is_search(config: DictConfig) -> bool:
@@ -140,22 +105,3 @@ def is_search(config: DictConfig) -> bool:
 def runs_side_by_side(config: DictConfig) -> bool:
     """Return whether a launcher runs the jobs of a sweep in processes of their own."""
     return str(OmegaConf.select(config, "hydra.launcher._target_")) != ONE_BY_ONE
-
-
-def _print(table: Table, rows: Sequence[TrialRow], directory: Path) -> None:
-    """Print a line for each row that is shown, failures, and where the files are."""
-    right = {heading for row in rows for heading in told_figures(row, searched=False)}
-    one = len({row["network"] for row in rows if "network" in row}) == 1
-    headings = [name for name in table.headings if not (one and name == "network")]
-    shown = [name for name in headings if name not in right]
-    figures = [name for name in headings if name in right]
-    screen = make_table("sweep", shown, figures)
-    for row in table.rows:
-        screen.add_row(*(row.get(name, "") for name in (*shown, *figures)))
-    console.print(screen)
-    for row in rows:
-        if row["status"] != "done":
-            console.print(f"Job {row[JOB]}: {row['status']}", soft_wrap=True)
-    if any(is_tiny(row["overrides"]) for row in rows):
-        console.print(TINY, style="bold yellow")
-    console.print(f"Summary in {directory / 'sweep.csv'}", soft_wrap=True)

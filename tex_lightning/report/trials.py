@@ -15,11 +15,11 @@ from tex_lightning.core.files import read_record
 from tex_lightning.evaluation.metrics import METRICS, figures, metrics_in
 from tex_lightning.evaluation.outcomes import COUNTS
 from tex_lightning.evaluation.outcomes import counted as counted_votes
+from tex_lightning.report.sweep import FAILURE
 from tex_lightning.report.table import FOLD_KEYS, Table, counted, run_overrides, run_settings
 
 TrialRow = dict[str, Any]
 
-FAILURE = "failure.json"
 JOB = "job"
 LOSS = "val_loss"  # what a search minimises
 LONG = 8  # characters from which on a number is shortened
