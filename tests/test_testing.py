@@ -1,5 +1,6 @@
 """``check_part``: the parts of the package pass, and what breaks a contract is told."""
 
+import doctest
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,6 +18,7 @@ from own_parts import Frames, SpoiltNet
 from torch import nn
 
 import tex_lightning as tl
+from tex_lightning import testing
 from tex_lightning.baselines.base import Baseline
 from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config, read_config
@@ -73,6 +75,10 @@ def named(base: type) -> set[type]:
     """All classes of a kind that the configuration puts into a card."""
     classes = {find_class("", {"_target_": name}) for name in configured_classes()}
     return {cls for cls in classes if issubclass(cls, base)}
+
+
+def test_the_example_runs():
+    assert doctest.testmod(testing) == (0, 3)  # failures, lines
 
 
 @pytest.mark.parametrize("network", [tl.HapticNet, tl.VisualNet])
