@@ -1,10 +1,11 @@
 """Classes of every form are built from a node."""
 
+import re
 import traceback
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import pytest
 
@@ -54,6 +55,34 @@ def test_nodes_inside_are_built():
     made = build("data.reader", node(Plain, folder="a", inner=call)).inner
     assert isinstance(made, partial)
     assert made("abc") == 3
+
+
+@dataclass
+class Ranged:
+    size: Annotated[int, "[1, 64] mm", "a size"] = 1
+    kind: Literal["a", "b"] = "a"
+
+
+@pytest.mark.parametrize("maker", [build, make])
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"size": 65}, "model.x.y.size is 65: give a number in [1, 64] mm."),
+        ({"kind": "c"}, "model.x.y.kind is 'c': give one of a, b."),
+        ({"siz": 5}, "no key model.x.y.siz (did you mean model.x.y.size?); its class has size, k"),
+    ],
+)
+def test_a_configuration_and_a_card_keep_to_one_signature(maker, given, said):
+    trust(__name__)
+    with pytest.raises(UserError, match=re.escape(said)):
+        maker("model.x.y", node(Ranged, **given))
+
+
+def test_what_a_card_shares_with_its_parts_keeps_to_their_signatures():
+    trust(__name__)
+    with pytest.raises(UserError, match=r"^model\.x\.size is 65: give a number"):
+        make("model.x.y", node(Ranged), size=65)
+    assert make("model.x.y", node(Ranged, size=3), size=65, other=1).size == 3
 
 
 BROKEN = {
