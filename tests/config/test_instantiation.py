@@ -73,13 +73,13 @@ class Ranged:
     ],
 )
 def test_a_configuration_and_a_card_keep_to_one_signature(maker, given, said):
-    trust(__name__)
+    trust(f"{__name__}.Ranged")
     with pytest.raises(UserError, match=re.escape(said)):
         maker("model.x.y", node(Ranged, **given))
 
 
 def test_what_a_card_shares_with_its_parts_keeps_to_their_signatures():
-    trust(__name__)
+    trust(f"{__name__}.Ranged")
     with pytest.raises(UserError, match=r"^model\.x\.size is 65: give a number"):
         make("model.x.y", node(Ranged), size=65)
     assert make("model.x.y", node(Ranged, size=3), size=65, other=1).size == 3
