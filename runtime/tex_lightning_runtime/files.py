@@ -1,9 +1,11 @@
-"""Whether there is a file that can be read."""
+"""Whether there is a file, and whether it can be read."""
 
 import os
 from pathlib import Path
 
 from tex_lightning_runtime.errors import UserError
+
+MAX_LINE = 1 << 20  # bytes; what goes on without a line's end is no table
 
 
 def require_file(path: Path) -> None:
@@ -21,3 +23,12 @@ def require_file(path: Path) -> None:
 def is_file(path: Path) -> bool:
     """Return whether there is a file; there is none of a name that is too long, or out of reach."""
     return os.path.isfile(path)  # noqa: PTH113  (which raises no errors)
+
+
+def has_long_line(path: Path) -> bool:
+    """Return whether a line is longer than :data:`MAX_LINE`, without reading it whole."""
+    with path.open("rb") as stream:
+        while len(content := stream.read(MAX_LINE)) == MAX_LINE:
+            if b"\n" not in content and b"\r" not in content:
+                return True
+    return False

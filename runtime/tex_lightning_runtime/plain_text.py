@@ -4,9 +4,10 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+from tex_lightning_runtime.files import has_long_line
 from tex_lightning_runtime.times import TableError
 
-MAX_TEXT, MAX_LINE = 1 << 29, 1 << 20  # bytes of a file; of a line
+MAX_TEXT = 1 << 29  # bytes of a file
 HEAD = 1 << 18  # bytes in which the numbers begin
 BINARY = {
     b"PK\x03\x04": "an Excel workbook or another archive",
@@ -61,10 +62,8 @@ def check_size(path: Path) -> None:
     """Reject a file that would take all memory, before it is read."""
     if (size := path.stat().st_size) > MAX_TEXT:
         raise TableError(f"is {size:,} bytes of text, more than {MAX_TEXT:,}; save it as WAV")
-    with path.open("rb") as stream:
-        while len(content := stream.read(MAX_LINE)) == MAX_LINE:
-            if b"\n" not in content and b"\r" not in content:
-                raise TableError("has a line of more than 1 MiB; give one sample a line")
+    if has_long_line(path):
+        raise TableError("has a line of more than 1 MiB; give one sample a line")
 
 
 def _utf8(content: bytes) -> bytes:

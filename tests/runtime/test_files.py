@@ -114,7 +114,7 @@ def test_what_takes_all_memory_is_refused(tmp_path, monkeypatch):
         with pytest.raises(UserError, match=rf"{name} .*{message}"):
             read(tmp_path / name)
     monkeypatch.setattr("tex_lightning_runtime.plain_text.MAX_TEXT", 99)
-    monkeypatch.setattr("tex_lightning_runtime.plain_text.MAX_LINE", 9)
+    monkeypatch.setattr("tex_lightning_runtime.files.MAX_LINE", 9)
     with pytest.raises(UserError, match="a line of more than 1 MiB"):
         read(write(tmp_path / "d.csv", "1,2,3,4,5,6,7\n"))
 

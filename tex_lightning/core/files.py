@@ -17,7 +17,6 @@ from tex_lightning_runtime.files import is_file, require_file
 
 # A folder or disk that cannot be written; anything else is a fault of the program.
 UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM)
-LONGEST_LINE = 1 << 20  # bytes; what goes on without a line's end is no table
 MAX_FIELD = 1 << 30  # characters; votes for very many classes take more than csv's own limit
 LARGEST_JSON = 64 << 20  # bytes; in memory it is many times as large
 
@@ -28,18 +27,6 @@ def resolved(path: Path) -> Path:
         return path.resolve()
     except (OSError, RuntimeError, ValueError):
         return path.absolute()
-
-
-def check_lines(path: Path) -> None:
-    """Reject a file with a very long line before it is read into memory as text.
-
-    Raises:
-        ValueError: If a line is longer than :data:`LONGEST_LINE`.
-    """
-    with path.open("rb") as stream:
-        while len(content := stream.read(LONGEST_LINE)) == LONGEST_LINE:
-            if b"\n" not in content and b"\r" not in content:
-                raise ValueError("it has a line of more than 1 MiB")
 
 
 def read_record(path: Path) -> dict[str, Any]:

@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tex_lightning.core.files import check_lines, resolved
+from tex_lightning.core.files import resolved
 from tex_lightning.errors import UserError, reason, shorten
 from tex_lightning.text import from_cell, to_cell
-from tex_lightning_runtime.files import is_file
+from tex_lightning_runtime.files import has_long_line, is_file
 
 Part = tuple[float, float]
 WHOLE: Part = (0.0, 1.0)
@@ -250,7 +250,8 @@ def read_manifest(path: Path) -> Recordings:
     if not is_file(path):
         raise UserError(f"Manifest {path} does not exist; give an existing CSV in data.manifest.")
     try:
-        check_lines(path)
+        if has_long_line(path):
+            raise ValueError("it has a line of more than 1 MiB")
         with path.open(newline="", encoding="utf-8-sig") as stream:
             first = stream.readline()
             stream.seek(0)
