@@ -90,4 +90,4 @@ def test_a_unit_is_asked_for_and_given(cli, untrained, tmp_path):
     assert given.status == 0, given.err
     assert "10,000 Hz by times in 'time'" in given.err
     wrong = cli("task=predict", f"checkpoint={untrained}", f"haptic={path}", "data.time_unit=mss")
-    assert "data.time_unit is mss (did you mean ms?)" in wrong.err
+    assert "data.time_unit is 'mss' (did you mean ms?)" in wrong.err
