@@ -212,6 +212,22 @@ def test_values_that_a_constructor_draws_have_to_be_kept():
         assert check_part(part, rate=RATE) == "features"
 
 
+class Tinted(nn.Module):
+    """Features of photos that could be an augmentation, with a colour that no checkpoint holds."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.colour = torch.rand(3, 1, 1)
+
+    def forward(self, photos):
+        return photos * self.colour
+
+
+def test_a_part_that_forgets_what_it_drew_is_no_augmentation_instead():
+    with pytest.raises(UserError, match="gives other outputs once it is saved and loaded"):
+        check_part(Tinted, example=make_photo(0, 0))
+
+
 class Scaled(nn.Module):
     """Features whose constant follows from an argument, which the card keeps."""
 

@@ -132,7 +132,7 @@ def test_no_other_class_of_the_package_may_be_named_than_the_configuration_puts_
         "tex_lightning.networks.nothing.Net",
         "tex_lightning.networks..hapticnet.HapticNet",
         "tex_lightning.networks.\0.Net",
-        "tex_lightning.testing._MeanNet",
+        "tex_lightning.testing.trial.MeanNet",
         "tex_lightning.tasks.fit.run",
         "tex_lightning",
         "",
