@@ -13,6 +13,7 @@ from tex_lightning_runtime.samples import MAX_SAMPLES, Array
 MIN_RATE, MAX_RATE = 19.0, 210_000.0  # Hz: 20 Hz to 200 kHz, by clocks that are not exact
 SAME_RATE = 0.005  # by which clocks of the same rate may differ; such samples stay as they are
 REACH, BETA = 10, 5.0  # of SciPy's filter: samples of the lower rate on each side; Kaiser's window
+IN_CACHE = 1 << 17  # samples that are summed together, which the processor keeps at hand
 BESSEL = (  # Chebyshev coefficients of exp(-x) I0(x) in [0, 8], as in Cephes
     -4.4153416464793395e-18, 3.3307945188222384e-17, -2.431279846547955e-16, 1.715391285555133e-15,
     -1.1685332877993451e-14, 7.676185498604936e-14, -4.856446783111929e-13, 2.95505266312964e-12,
@@ -94,11 +95,14 @@ def resample_poly(x: Array, up: int, down: int) -> Array:
     length = (rows + (newest[-1] + lead) // down + 1) * down
     columns = _padded(x, lead, length).reshape(len(x), -1, down).swapaxes(1, 2).copy()
     every, found = sliding_window_view(columns, rows, axis=2), np.zeros((len(x), up, rows), dtype)
-    for age in range(lead, -1, -1):  # SciPy's order, so that every sum is rounded as there
-        late, residue = np.divmod(newest + lead - age, down)
-        product = every[:, residue, late]  # a copy
-        product *= taps[phases, age, None]
-        found += product
+    step = max(1, IN_CACHE // (len(x) * rows))
+    for some in (slice(begin, begin + step) for begin in range(0, up, step)):
+        part, weights = found[:, some], taps[phases[some]]
+        for age in range(lead, -1, -1):  # SciPy's order, so that every sum is rounded as there
+            late, residue = np.divmod(newest[some] + lead - age, down)
+            product = every[:, residue, late]  # a copy
+            product *= weights[:, age, None]
+            part += product
     return found.swapaxes(1, 2).reshape(len(x), -1)[:, :count]
 
 

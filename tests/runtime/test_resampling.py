@@ -29,7 +29,9 @@ def test_resamples_as_scipy_does(source, target, count, dtype, axes):
 
 @pytest.mark.parametrize("source", [1_000.0, 9_000.0, 44_100.0, 48_000.0])
 @pytest.mark.parametrize("dtype", ["f4", "f8"])
-def test_a_long_signal_has_the_bits_that_scipy_gives(source, dtype):
+@pytest.mark.parametrize("together", [1, 1 << 17])
+def test_a_long_signal_has_the_bits_that_scipy_gives(monkeypatch, source, dtype, together):
+    monkeypatch.setattr("tex_lightning_runtime.resampling.IN_CACHE", together)
     x = noise(3, 90_000, dtype)
     up, down = rate_ratio(source, 10_000, "it").as_integer_ratio()
     expected = signal.resample_poly(x, up, down, axis=1).astype(np.float32)
