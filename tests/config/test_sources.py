@@ -1,6 +1,7 @@
 """Signatures are read from source as Python has them, and nothing is imported for that."""
 
 import inspect
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -78,6 +79,21 @@ class Circle(Circle):
 
 class Child(no_such_library.Thing):
     pass
+
+@no_such_library.define
+class Defined(Base):
+    more: int = 1
+
+class Assigned(Base):
+    __init__ = no_such_library.made
+
+@dataclass
+class Beyond(no_such_library.Thing):
+    a: int = 1
+
+class Wrapped(Base):
+    @no_such_library.wrapped
+    def __init__(self, a): ...
 """,
     "broken.py": "class Broken:\n    def\n",
 }
@@ -113,8 +129,12 @@ def test_fields_come_in_the_order_of_dataclasses(package):
 
 
 @pytest.mark.parametrize(
-    "name", ["inner.Circle", "inner.Child", "inner.None", "broken.Broken", "no.Module", "Nothing"]
-)
+    "name",
+    [
+        "inner.Circle", "inner.Child", "inner.None", "inner.Defined", "inner.Assigned",
+        "inner.Beyond", "inner.Wrapped", "broken.Broken", "no.Module", "Nothing",
+    ],
+)  # fmt: skip
 def test_what_the_source_does_not_say_is_left_to_the_class(package, name):
     assert read_signature(f"{package.name}.{name}") is None
     assert read_signature(name) is None
@@ -164,3 +184,11 @@ def test_a_class_of_ones_own_with_a_range_is_refused_by_the_same_sentence(tmp_pa
     assert said in ran.stderr
     assert (ran.returncode, ran.stdout) == (1, "False\n")
     assert not (tmp_path / "ranged_net.ran").exists()
+
+
+def test_a_file_that_changes_is_read_again(package):
+    file = package / "changing.py"
+    for number, name in enumerate(("one", "other")):
+        file.write_text(f"class Net:\n    def __init__(self, {name}): ...\n")
+        os.utime(file, (number, number))
+        assert [*read_signature(f"{package.name}.changing.Net").parameters] == [name]

@@ -1,7 +1,8 @@
 """The typed configuration: a wrong key or type fails while it is composed.
 
-``conf/`` has the values, this package types, meanings, choices and ranges. ``???`` (``MISSING``)
-marks what a configuration file or the user has to fill in.
+``conf/`` has the values. Types, ranges, choices and meanings are annotations: of the sections here,
+and of the classes that a ``_target_`` names, whose keys stand nowhere else (:mod:`.nodes`). ``???``
+(``MISSING``) marks what a configuration file or the user has to fill in.
 """
 
 from dataclasses import is_dataclass, replace

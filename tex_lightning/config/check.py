@@ -1,8 +1,8 @@
-"""Checks of a configuration beyond types: ranges, choices, and keys that need each other.
+"""Checks of a composed configuration: values against annotations, and keys that need each other.
 
-Ranges and choices of single keys stand in the schema. Beside them only that is checked which would
-be passed over in silence or fail late; a class reports itself what it rejects when it is made. All
-complaints are made at once, before any work.
+Types, ranges and choices of single keys stand in the annotations of sections and classes. Beside
+them only that is checked which would be passed over in silence or fail late; a class reports itself
+what else it rejects when it is made. All complaints are made at once, before any work.
 """
 
 from collections.abc import Iterator

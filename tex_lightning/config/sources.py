@@ -8,6 +8,7 @@ that it imports them from. What cannot be told so is checked when the class is b
 import ast
 import builtins
 import collections.abc
+import sys
 import typing
 from collections.abc import Iterator
 from functools import cache
@@ -26,6 +27,7 @@ EVALUATED = (
     ast.FormattedValue,
 )  # fmt: skip
 INIT = "__init__.py"
+NO_PARAMETERS = ("ABC", "Generic", "Protocol", "object")  # classes that give none
 
 
 class _AnyClass(type):
@@ -127,9 +129,15 @@ def _assigned(target: ast.expr, value: ast.expr) -> Iterator[tuple[str, ast.expr
             yield from _assigned(*pair)
 
 
-@cache
 def _module(name: str) -> _Module | None:
     """Return what the file of a module holds; None if there is none that can be read."""
+    file = _file(name, tuple(sys.path))
+    return _parsed(name, file, file.stat().st_mtime_ns) if file and file.is_file() else None
+
+
+@cache
+def _file(name: str, folders: tuple[str, ...]) -> Path | None:
+    """Return the file of a module that is found in some folders."""
     top, *inner = name.split(".")
     try:
         spec = find_spec(top) if top else None  # which imports no more than that has been
@@ -137,17 +145,21 @@ def _module(name: str) -> _Module | None:
         return None
     files = [Path(spec.origin)] if spec is not None and spec.origin else []
     if inner:
-        folders = map(Path, (spec and spec.submodule_search_locations) or ())
-        places = [folder.joinpath(*inner) for folder in folders]
+        homes = map(Path, (spec and spec.submodule_search_locations) or ())
+        places = [home.joinpath(*inner) for home in homes]
         files = [file for place in places for file in (place.with_suffix(".py"), place / INIT)]
-    file = next((file for file in files if file.suffix == ".py" and file.is_file()), None)
+    return next((file for file in files if file.suffix == ".py" and file.is_file()), None)
+
+
+@cache
+def _parsed(name: str, file: Path, changed: int) -> _Module | None:
+    """Return the names of a file as it was when it was last changed, in a notebook perhaps."""
     try:
-        return None if file is None else _Module(name, file)
+        return _Module(name, file)
     except (OSError, SyntaxError, ValueError):
         return None
 
 
-@cache
 def read_signature(target: str) -> Signature | None:
     """Return the signature of the class at a dotted path, without importing its module.
 
@@ -166,22 +178,30 @@ def read_signature(target: str) -> Signature | None:
 
 
 def _parameters(module: _Module, node: ast.ClassDef) -> list[Parameter] | None:
-    """Return what a class takes, by its constructor, its fields or the class that it derives of."""
+    """Return what a class takes, by its constructor, its fields or the class that it derives of.
+
+    What a decorator or an assignment makes of the constructor is not known.
+    """
+    decorators = [ast.unparse(decorator) for decorator in node.decorator_list]
+    made = any("dataclass" not in each or "init=False" in each for each in decorators)
     for part in node.body:
         if isinstance(part, ast.FunctionDef) and part.name in ("__init__", "__new__"):
-            return [*_arguments(module, part.args)][1:]
-    bases = [_bare(base) for base in node.bases]
-    found = [module.find(base) for base in bases if base not in ("ABC", "Protocol", "Generic")]
-    decorators = [ast.unparse(decorator) for decorator in node.decorator_list]
-    if any("dataclass" in decorator for decorator in decorators):
-        behind = [each for each in reversed(found) if each]  # as the fields of the first count
-        inherited = [parameter for each in behind for parameter in _parameters(*each) or ()]
-        fields = {parameter.name: parameter for parameter in inherited}
-        apart = any("kw_only=True" in decorator for decorator in decorators)
-        kind = Parameter.KEYWORD_ONLY if apart else Parameter.POSITIONAL_OR_KEYWORD
-        fields |= {each.name: each.replace(kind=kind) for each in _fields(module, node)}
-        return sorted(fields.values(), key=lambda each: each.kind)
-    return _parameters(*found[0]) if found and found[0] else None
+            return None if made or part.decorator_list else [*_arguments(module, part.args)][1:]
+        made |= isinstance(part, ast.Assign) and _bare(part.targets[0]) == "__init__"
+    bases = [base for base in map(_bare, node.bases) if base not in NO_PARAMETERS]
+    found = [module.find(base) for base in bases]
+    if made or None in found:
+        return None
+    if not decorators:
+        return _parameters(*found[0]) if found and found[0] else None
+    apart = any("kw_only=True" in decorator for decorator in decorators)
+    kind = Parameter.KEYWORD_ONLY if apart else Parameter.POSITIONAL_OR_KEYWORD
+    fields: dict[str, Parameter] = {}
+    for each in filter(None, reversed(found)):  # as the fields of the first count
+        inherited = _parameters(*each) if each[1].decorator_list else ()
+        fields |= {parameter.name: parameter for parameter in inherited or ()}
+    fields |= {each.name: each.replace(kind=kind) for each in _fields(module, node)}
+    return sorted(fields.values(), key=lambda each: each.kind)
 
 
 def _bare(base: ast.expr) -> str:
