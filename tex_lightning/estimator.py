@@ -39,7 +39,7 @@ from tex_lightning.config.search import use_config_dir
 from tex_lightning.core.console import messages, verbosity
 from tex_lightning.core.progress import finishing
 from tex_lightning.core.ranks import joining
-from tex_lightning.core.run_folder import find_checkpoint
+from tex_lightning.core.run_folder import checkpoint_of, find_checkpoint
 from tex_lightning.data.own_defaults import settled
 from tex_lightning.data.readers.arrays import (
     MANIFEST,
@@ -54,8 +54,7 @@ from tex_lightning.data.recordings import one_name
 from tex_lightning.errors import InvalidInput, listed
 from tex_lightning.inference.prediction import Prediction
 from tex_lightning.inference.predictor import Predictor
-from tex_lightning.learning.train import train_networks
-from tex_lightning.studies.fold import open_training
+from tex_lightning.studies.fold import open_training, train_model
 from tex_lightning.tasks.enroll import enroll, open_new_classes
 from tex_lightning.tasks.export import export_classifier
 from tex_lightning_runtime.quality import Quality
@@ -376,10 +375,8 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             self.run_folder_ = folder = Path(self.directory).expanduser().resolve() / name
         with joining(set_devices(config)):
             check_processes(config, job)
-            dataset = open_training(config, folder)
-            parts, store = dataset.parts(config.data), dataset.store
-            *_, (whole, _) = train_networks(config, dataset.classes, parts, store, folder)
-        return load_classifier(whole.final), config
+            train_model(config, open_training(config, folder), folder)
+        return load_classifier(checkpoint_of(folder, config.model.kind)), config
 
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "predictor_")
