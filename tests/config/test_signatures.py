@@ -12,13 +12,13 @@ import pytest
 import torch
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.loggers import CSVLogger, TensorBoardLogger
-from omegaconf import OmegaConf
+from omegaconf import BooleanNode, OmegaConf
 
 from tex_lightning.cli import run_task, to_user_error
 from tex_lightning.config import flatten
 from tex_lightning.config.composition import Job, compose_config
 from tex_lightning.config.instantiation import build
-from tex_lightning.config.signatures import misfits
+from tex_lightning.config.signatures import converted, misfits
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.errors import UserError
 
@@ -91,6 +91,16 @@ def test_fields_of_a_reader_are_what_their_types_say():
     ):
         with pytest.raises(UserError, match=rf"data\.reader\.{said}"):
             build("data.reader", {**node, **values})
+
+
+def test_a_truth_value_is_typed_as_omegaconf_reads_it():
+    def function(given: bool, number: int | bool = 0): ...
+
+    for word in ("true", "False", "yes", "NO", "on", "off", "y", "n", 1, 0):
+        read = BooleanNode(word)._value()
+        assert converted(function, {"given": word}) == {"given": read}
+        assert type(converted(function, {"given": word})["given"]) is bool
+    assert converted(function, {"given": 2, "number": 1}) == {"given": 2, "number": 1}
 
 
 WRONG = [

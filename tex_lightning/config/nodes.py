@@ -50,7 +50,7 @@ def shared_complaints(where: str, sense: Node, *classes: str) -> Iterator[str]:
     for node, signature in takers(sense, *classes):
         if signature is not None:
             shared = {name: value for name, value in sense.items() if name not in node}
-            yield from misfits(where, signature, shared)
+            yield from misfits(where, signature, converted(signature, shared))
 
 
 def as_taken(sense: Node) -> dict[str, Any]:

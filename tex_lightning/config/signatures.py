@@ -21,6 +21,10 @@ TARGET = "_target_"  # of a node, which becomes something else
 HYDRAS = (TARGET, "_args_", "_partial_", "_recursive_", "_convert_")  # keys that are no arguments
 LISTS = (list, tuple, collections.abc.Sequence, collections.abc.Iterable)
 MAPPINGS = (dict, collections.abc.Mapping, collections.abc.MutableMapping)
+TRUTHS = {  # as OmegaConf reads a truth value
+    **dict.fromkeys(("true", "yes", "y", "on", 1), True),
+    **dict.fromkeys(("false", "no", "n", "off", 0), False),
+}
 EXACT = 1 << 53  # whole numbers below it are floating-point numbers, too
 ANYTHING = Signature([Parameter("_", Parameter.VAR_KEYWORD)])
 PLAIN = (str, int, float, list, tuple, Mapping, NoneType)
@@ -89,9 +93,10 @@ def _converted(value: Any, hint: Any) -> Any:  # noqa: ANN401
     if isinstance(value, list):
         lists = [kind for kind in kinds if (get_origin(kind) or kind) in LISTS and get_args(kind)]
         return [_converted(item, get_args(lists[0])[0]) for item in value] if lists else value
+    word = value.lower() if isinstance(value, str) else value
+    if bool in kinds and not kinds & {str, int, float, Any} and isinstance(word, str | int):
+        return TRUTHS.get(word, value)
     if isinstance(value, str) and not kinds & {str, Any}:
-        if bool in kinds and value.lower() in ("true", "false"):
-            return value.lower() == "true"
         for kind in {int, float} & kinds:
             with suppress(ValueError):
                 return kind(value)
