@@ -167,6 +167,10 @@ def read_signature(target: str) -> Signature | None:
         What :func:`inspect.signature` would give, with annotations that are evaluated, of an
         unknown class ``Any``; None if that cannot be told from the source.
     """
+    return _known(target) if target.startswith("tex_lightning.") else _read(target)
+
+
+def _read(target: str) -> Signature | None:
     source, _, name = target.rpartition(".")
     module = _module(source)
     try:
@@ -175,6 +179,9 @@ def read_signature(target: str) -> Signature | None:
         return None if parameters is None else Signature(parameters)
     except (RecursionError, ValueError):  # of classes in a circle, of fields in another order
         return None
+
+
+_known = cache(_read)  # of the package, whose files stay as they are; every command asks often
 
 
 def _parameters(module: _Module, node: ast.ClassDef) -> list[Parameter] | None:
