@@ -43,6 +43,7 @@ __all__ = [
 INSIDE = Path(__file__).parents[1] / "conf"  # in an installed wheel
 BESIDE = Path(__file__).parents[2] / "conf"  # in a checkout
 CONF = INSIDE if INSIDE.is_dir() else BESIDE
+SCHEMA = "tex_lightning_schema"  # the first of the defaults in conf/config.yaml
 VARIANTS = CONF / "variants.yaml"
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # of a library that may lack its quick one
 
@@ -153,7 +154,9 @@ def register() -> None:
     register_folders()
     OmegaConf.register_new_resolver("subject", subject, replace=True)
     store = ConfigStore.instance()
-    store.store(name="tex_lightning_schema", node=_schema())
+    if f"{SCHEMA}.yaml" in store.repo:
+        return
+    store.store(name=SCHEMA, node=_schema())
     for name, node in variants().items():
         group, _, option = name.rpartition("/")
         package = "_global_" if name.startswith("experiment/") else None  # it sets keys of any
