@@ -286,6 +286,8 @@ def test_checkpoints_go_both_ways(fitted, strokes, tmp_path, bands, files):
     assert loaded.predict(haptic=x[0], rate=SLOW_RATE).label == "a"
     again = tl.Estimator.load(tmp_path / "new" / "m.ckpt", rate=SLOW_RATE)
     assert (again.predict_proba(x) == fitted.predict_proba(x)).all()
+    scored = tl.Estimator.load(tmp_path / "new" / "m.ckpt", **{"decision.rule": "vote"})
+    assert (again.predictor_.card.rule, scored.predictor_.card.rule) == ("score", "vote")
     paths, labels = files
     assert tl.Estimator.load(bands).score(paths["haptic"], labels) == 1
 

@@ -311,9 +311,9 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     if config.checkpoint is not None:
         config = replace(config, checkpoint=str(find_checkpoint(config.checkpoint)))
     trust(*config.trusted, *named_classes(config.model.nodes))
-    with joining(set_devices(config)):
+    with joining(processes := set_devices(config)):
         show_rank_zero(libraries=job.origin != "python")
-        check_processes(config, job)
+        check_processes(config, job, processes)
         results = _run_in_folder(config, composed, job)
     if config.task in TRAINING and results:
         from tex_lightning.evaluation.outcomes import optimized_value
@@ -366,6 +366,7 @@ def set_devices(config: Config) -> int:
 
         from tex_lightning.core.devices import (
             check_started,
+            count_processes,
             keep_memory,
             use_tf32,
         )
@@ -377,26 +378,19 @@ def set_devices(config: Config) -> int:
         torch.set_num_threads(threads)
     use_tf32(config.trainer.tf32)
     keep_memory()
-    processes = _processes(config)
-    if config.task in TRAINING:
-        check_started(processes)
+    if config.task not in TRAINING:
+        return 1
+    processes = count_processes(config.trainer)
+    check_started(processes)
     return processes
 
 
-def _processes(config: Config) -> int:
-    """Return the number of processes that train together."""
-    from tex_lightning.core.devices import count_processes
-
-    return count_processes(config.trainer) if config.task in TRAINING else 1
-
-
-def check_processes(config: Config, job: Job) -> None:
+def check_processes(config: Config, job: Job, processes: int) -> None:
     """Reject what several processes cannot share; rank zero says so.
 
     Raises:
         UserError: If they cannot train together.
     """
-    processes = _processes(config)
     if processes > 1:
         _check_origin(job)
     check_shares(config, processes)

@@ -16,7 +16,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 import torch
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import OmegaConf
 from sklearn.base import BaseEstimator, ClassifierMixin, TransformerMixin
 from sklearn.utils import check_array
 from sklearn.utils.multiclass import check_classification_targets
@@ -39,7 +39,7 @@ from tex_lightning.config.search import use_config_dir
 from tex_lightning.core.console import messages, verbosity
 from tex_lightning.core.progress import finishing
 from tex_lightning.core.ranks import joining
-from tex_lightning.core.run_folder import checkpoint_of, find_checkpoint
+from tex_lightning.core.run_folder import checkpoint_of
 from tex_lightning.data.own_defaults import settled
 from tex_lightning.data.readers.arrays import (
     MANIFEST,
@@ -53,7 +53,7 @@ from tex_lightning.data.readers.arrays import (
 from tex_lightning.data.recordings import one_name
 from tex_lightning.errors import InvalidInput, listed
 from tex_lightning.inference.prediction import Prediction
-from tex_lightning.inference.predictor import Predictor
+from tex_lightning.inference.predictor import Predictor, load
 from tex_lightning.studies.fold import open_training, train_model
 from tex_lightning.tasks.enroll import enroll, open_new_classes
 from tex_lightning.tasks.export import export_classifier
@@ -150,12 +150,14 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         with self._working() as folder:
             overrides = self._overrides(folder)
             composed = compose_config(overrides)
-            modalities = checked_config(composed).model.modalities
-            samples = self._samples(X, modalities, reset=True)
+            config = checked_config(composed)
+            samples = self._samples(X, config.model.modalities, reset=True)
             check_consistent_length(samples, labels)
             known = None if groups is None else _groups(groups, len(samples))
             write_samples(samples, labels, known, folder)
-            classifier, config = self._train(composed, overrides, folder)
+            job = Job(tuple(overrides), folder, "python", True, (), OmegaConf.create({"hydra": {}}))
+            config, _, job = settled(config, composed, job)
+            classifier = self._train(config, job)
             self.classes_, self.predictor_ = classes, Predictor(classifier, config)
         return self
 
@@ -265,15 +267,14 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         Args:
             path: A checkpoint, or the run folder that holds it.
             trusted: Packages whose classes the checkpoint may name, see :func:`tex_lightning.load`.
-            **params: Parameters; :meth:`fit` would train by these.
+            **params: Parameters, and keys of a prediction such as ``decision.rule``; :meth:`fit`
+                would train by these.
         """
-        trust(*trusted)
         estimator = cls(**params)
-        with estimator._working() as folder:
-            classifier = load_classifier(find_checkpoint(path))
-            config = checked_config(compose_config(["task=predict", f"checkpoint={folder}"]))
-            estimator.predictor_ = Predictor(classifier, config)
-            estimator.classes_ = np.array(classifier.card.classes)
+        with estimator._working():
+            keys = [as_key_value(name, value) for name, value in estimator._keys.items()]
+            estimator.predictor_ = load(path, *keys, trusted=trusted)
+            estimator.classes_ = np.array(estimator.predictor_.classes)
         return estimator
 
     def export(self, folder: str | Path, format: str = "onnx") -> list[Path]:
@@ -361,22 +362,19 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             *(as_key_value(name, value) for name, value in given.items()),
         ]
 
-    def _train(
-        self, composed: DictConfig, overrides: list[str], folder: Path
-    ) -> tuple[SurfaceClassifier, Config]:
+    def _train(self, config: Config, job: Job) -> SurfaceClassifier:
         """Train as the command line would, and return the whole model."""
-        job = Job(tuple(overrides), folder, "python", True, (), OmegaConf.create({"hydra": {}}))
-        config, _, job = settled(checked_config(composed), composed, job)
         trust(*config.trusted, *named_classes(config.model.nodes))
+        folder = job.directory
         if self.directory is None:
             config = replace(config, logger={})
         else:
             name = f"{datetime.now():%Y-%m-%d_%H-%M-%S_%f}"
             self.run_folder_ = folder = Path(self.directory).expanduser().resolve() / name
-        with joining(set_devices(config)):
-            check_processes(config, job)
+        with joining(processes := set_devices(config)):
+            check_processes(config, job, processes)
             train_model(config, open_training(config, folder), folder)
-        return load_classifier(checkpoint_of(folder, config.model.kind)), config
+        return load_classifier(checkpoint_of(folder, config.model.kind))
 
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "predictor_")

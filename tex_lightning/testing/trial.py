@@ -9,7 +9,6 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 import torch
@@ -20,6 +19,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.trial import FITTED, try_parts
 from tex_lightning.config import Config
 from tex_lightning.config.composition import compose_config, read_config
+from tex_lightning.data.readers.arrays import write_sample
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError, listed
@@ -138,15 +138,11 @@ class Trial:
     def recordings(self, sense: Sense) -> Iterator[tuple[Recordings, Store]]:
         """Write recordings of all classes to files, which are gone afterwards."""
         with tempfile.TemporaryDirectory() as name:
-            folder, rows = Path(name), []
+            folder, rows = Path(name), list[Recording]()
             for label, number in np.ndindex(self.classes, FITTED):
-                array = self.recording(sense.medium, label, number)
-                path = folder / f"{label}_{number}.{'png' if sense.medium == 'photo' else 'npy'}"
-                if sense.medium == "photo":
-                    cv2.imwrite(str(path), array[..., ::-1])
-                else:
-                    np.save(path, array)
-                rows.append(Recording(f"class {label}", sense.modality, path, path.stem))
+                sample = {sense.modality: self.recording(sense.medium, label, number)}
+                place = len(rows)
+                rows += write_sample(sample, f"class {label}", str(place), folder, place)
             yield Recordings(tuple(rows)), Store(folder, {sense.modality: sense.decoder})
 
     def scene(self, medium: str) -> Scene:

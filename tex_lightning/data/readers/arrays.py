@@ -117,14 +117,26 @@ def write_samples(
     for number, (sample, label) in enumerate(zip(samples, labels, strict=True)):
         group = f"{label}/{counts[label]}" if groups is None else groups[number]
         counts[label] += 1
-        rows += _recordings(sample, label, group, folder, number)
+        rows += write_sample(sample, label, group, folder, number)
     write_manifest(Recordings(tuple(rows)), manifest := folder / MANIFEST)
     return manifest
 
 
-def _recordings(
+def write_sample(
     sample: Sample, label: str, group: int | str, folder: Path, number: int
 ) -> Iterator[Recording]:
+    """Yield the recordings of one sample, those that are arrays once they are files of a folder.
+
+    Args:
+        sample: See :func:`write_samples`.
+        label: Class name.
+        group: Its group.
+        folder: An existing folder.
+        number: Of the sample among those of the folder, for the names of files.
+
+    Raises:
+        UserError: If an array is no recording.
+    """
     for modality, given in sample.items():
         if given is not None:
             samples, rate = with_rate(given)
