@@ -5,64 +5,64 @@
 ``accuracy.yaml`` (or ``--table=FILE``) says what is run on the folder ``--data``, or that in
 ``TEX_LIGHTNING_REAL_DATA``. ``--only`` takes names of data sets, protocols and systems, or how they
 begin. Each cell leaves a JSON file in ``--out`` and is run again only if it failed or its settings
-changed. ``--choose`` names candidates, of which the best one on all other data sets is reported.
+changed; ``--limit`` gives up one after so many seconds. ``--choose`` names candidates, of which the
+best one on all other data sets is reported. ``field.png`` is the picture of ``_field``.
 """
 
 import json
 import os
-import time
-from collections import defaultdict
-from collections.abc import Callable, Sequence
+import signal
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from hashlib import sha256
-from importlib import import_module
 from pathlib import Path
+from statistics import harmonic_mean
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NoReturn
 
 import cv2
 import numpy as np
 import scipy
 import yaml
-from sklearn.linear_model import RidgeClassifierCV
-from sklearn.model_selection import PredefinedSplit
-from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
 
 import tex_lightning as tl
+from benchmarks import _peers
 from benchmarks._classifiers import configured
+from benchmarks._field import best_peers, draw
 from benchmarks._run import RESULTS
 from tex_lightning.core.console import console
 from tex_lightning.core.files import write_rows, write_text
-from tex_lightning.core.groups import leave_out
 from tex_lightning.data.decode import SignalDecoder, read_trace
 from tex_lightning.data.folds import is_tested, next_of_each, with_folds
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings, cut_part, write_manifest
 from tex_lightning.errors import UserError, listed
-from tex_lightning.evaluation.outcomes import read_outcomes, wilson_interval
+from tex_lightning.evaluation.outcomes import read_outcomes
 from tex_lightning.perturbations.pixels import Scene
 from tex_lightning.perturbations.table import perturbations
-from tex_lightning.report.figures import make_grid, save_figure
-from tex_lightning.report.style import looks, styled
 from tex_lightning.text import to_markdown
 
+NORMAL = 1.959964  # deviations on either side of the mean that hold 95 %
 NAMES = ("data", "protocol", "system")
 COLUMNS = (*NAMES, "score", "balanced", "correct", "tested", "ci_low", "ci_high", "fit_seconds",
            "latency_ms", "failed")  # fmt: skip
 SPLIT = "benchmark"  # condition of a manifest that says what is tested
-WINDOW, BANDS, FLOOR = 0.1, 24, 1e-10  # of log-band energies: s, number, power
-AEON = "aeon="  # begins the override that names one of its classifiers
-Array = np.ndarray[Any, Any]
-Features = Callable[[Array, float], Array]  # of a signal (axes, samples) and its rate in Hz
 Node = dict[str, Any]
 Cell = tuple[str, str, str]
 Rows = Sequence[tl.Recording]
 Tested = list[tuple[str, str, float]]  # true class, predicted class, latency in ms
+Trained = tuple[Tested, float]  # and seconds of the fit
 
 
 def measure(
-    data: str = "", out: str = "", only: str = "", choose: str = "", table: str = ""
+    data: str = "",
+    out: str = "",
+    only: str = "",
+    choose: str = "",
+    table: str = "",
+    limit: str = "0",
 ) -> Node:
     """Run the cells that ``only`` names; return the score of each, and the choices."""
     settings = read_table(data, table)
@@ -74,11 +74,13 @@ def measure(
         for protocol in entry["protocols"]
         for system in settings["systems"][entry["modality"]]
     ]
-    results = [run(settings, cell, target) for cell in select(cells, only)]
+    results = [run(settings, cell, target, float(limit)) for cell in select(cells, only)]
     whole = [result for result in results if "score" in result]
     write_tables(results, target)
-    draw(whole, target / "accuracy")
+    draw(settings, whole, target / "field")
     figures = {".".join(result[name] for name in NAMES): shown(result) for result in results}
+    best = best_peers(settings, whole).items()
+    figures |= {name: f"{result['system']}, {shown(result)}" for name, result in best}
     candidates = list(dict.fromkeys(system for _, _, system in select(cells, choose)))
     return {**figures, **(choices(whole, candidates) if choose else {}), "in": str(target)}
 
@@ -106,53 +108,79 @@ def select(cells: list[Cell], only: str) -> list[Cell]:
     return cells
 
 
-def run(settings: Node, cell: Cell, target: Path) -> Node:
+def run(settings: Node, cell: Cell, target: Path, limit: float) -> Node:
     """Return the result of a cell: from its file, else measured."""
     data, protocol, system = cell
     result: Node = dict(zip(NAMES, cell, strict=True))
     entry, division = settings["data"][data], settings["protocols"][protocol]
-    overrides = tuple(settings["systems"][entry["modality"]][system])
+    told = settings["systems"][entry["modality"]][system]
     try:
-        parts = () if is_peer(overrides) else parts_of(overrides)
-        described = entry.get("keys"), entry.get("window"), division, overrides, parts
+        parts = () if isinstance(told, dict) else parts_of(told)
+        described = entry.get("keys"), entry.get("window"), division, told, parts
         digest = sha256(repr(described).encode()).hexdigest()[:8]
         file = target / "cells" / f"{data}-{protocol}-{system}-{digest}.json"
         if file.is_file():
             return {**json.loads(file.read_text(encoding="utf-8")), **result}
-        result |= test(settings["common"], entry, division, overrides)
+        with limited(limit):
+            result |= test(settings["common"], entry, division, told)
     except Exception as error:  # the other cells are run, whatever it is
         return {**result, "failed": str(error) if isinstance(error, UserError) else repr(error)}
-    write_text(file, json.dumps({**result, "overrides": overrides}, indent=1) + "\n")
+    write_text(file, json.dumps({**result, "system_settings": told}, indent=1) + "\n")
     print(*cell, shown(result), flush=True)
     return result
 
 
-def is_peer(overrides: Sequence[str]) -> bool:
-    """Return whether a system is none of the package: the ridge, or a classifier of aeon."""
-    return not overrides or overrides[0].startswith(AEON)
+@contextmanager
+def limited(seconds: float) -> Iterator[None]:
+    """Give up some work after so many seconds; 0 sets no limit.
+
+    Raises:
+        UserError: Then, or as soon as compiled code comes back.
+    """
+
+    def stop(*_: object) -> NoReturn:
+        raise UserError(f"It took more than {seconds:g} s; give --limit=SECONDS, or 0 for none.")
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
 
 
-def parts_of(overrides: Sequence[str]) -> object:
+def parts_of(overrides: list[str]) -> object:
     """Return the settings that tell a system of the package from another."""
     config = configured(*overrides)
     model = config.model
     return model.baseline or [*map(model.sense, model.senses), config.decision]
 
 
-def test(common: list[str], entry: Node, division: Node, overrides: Sequence[str]) -> Node:
-    """Train and test on every division; the interval is that of all counts together."""
+def test(common: list[str], entry: Node, division: Node, told: Node | list[str]) -> Node:
+    """Train and test on every division; all of them are counted together.
+
+    Args:
+        common: Overrides of every system of the package.
+        entry: The data set.
+        division: The protocol.
+        told: The system: overrides of the package, or what :mod:`benchmarks._peers` takes.
+    """
     rows, keys, balanced = read_rows(entry), entry.get("keys", ()), entry.get("balanced", False)
-    train, runs = run_peer if is_peer(overrides) else run_package, []
+    runs = []
     with TemporaryDirectory() as folder:
         changed = perturb(rows, division.get("perturbed", {}), Path(folder))
         for mask in divide(rows, division):
             mixed = [pair[out] for *pair, out in zip(rows, changed, mask, strict=True)]
-            runs.append(train([*common, *overrides, *keys], mixed, mask))
+            if isinstance(told, dict):
+                runs.append(run_peer(told, mixed, keys, mask))
+            else:
+                runs.append(run_package([*common, *told, *keys], mixed, mask))
     tests = [prediction for tested, _ in runs for prediction in tested]
     correct = sum(label == predicted for label, predicted, _ in tests)
-    low, high = wilson_interval(correct, len(tests))
+    rate, (low, high) = score(tests, balanced), interval(tests, balanced)
     return {
-        "score": score(tests, balanced), "balanced": balanced, "correct": correct,
+        "score": rate, "balanced": balanced, "correct": correct,
         "tested": len(tests), "ci_low": low, "ci_high": high,
         "fit_seconds": float(np.mean([seconds for _, seconds in runs])),
         "latency_ms": float(np.median([latency for _, _, latency in tests])),
@@ -165,6 +193,20 @@ def score(tested: Tested, balanced: bool) -> float:
     for label, predicted, _ in tested:
         correct[label if balanced else ""].append(label == predicted)
     return float(np.mean([np.mean(hits) for hits in correct.values()]))
+
+
+def interval(tested: Tested, balanced: bool) -> tuple[float, float]:
+    """Return Wilson's 95 % interval of the score.
+
+    The balanced score of classes of n recordings varies about as that of so many recordings in
+    all, were they equal: the classes times the harmonic mean of n.
+    """
+    counts = [*Counter(label if balanced else "" for label, _, _ in tested).values()]
+    size, share, z = len(counts) * harmonic_mean(counts), score(tested, balanced), NORMAL
+    centre = share + z**2 / (2 * size)
+    half = z * (share * (1 - share) / size + z**2 / (4 * size**2)) ** 0.5
+    low, high = ((centre + side * half) / (1 + z**2 / size) for side in (-1, 1))
+    return max(0.0, low), min(1.0, high)
 
 
 def read_rows(entry: Node) -> Rows:
@@ -207,7 +249,7 @@ def perturb(rows: Rows, changes: Node, folder: Path) -> Rows:
     return changed
 
 
-def run_package(overrides: list[str], rows: Rows, is_test: list[bool]) -> tuple[Tested, float]:
+def run_package(overrides: list[str], rows: Rows, is_test: list[bool]) -> Trained:
     """Train and test a system of the package; return its predictions and the seconds of the fit."""
     told = [
         replace(row, conditions=(*row.conditions, (SPLIT, "test" if tested else "train")))
@@ -223,56 +265,23 @@ def run_package(overrides: list[str], rows: Rows, is_test: list[bool]) -> tuple[
     return [(x.label, x.predicted, x.latency_ms) for x in outcomes], network["fit_seconds"]
 
 
-def run_peer(overrides: list[str], rows: Rows, is_test: list[bool]) -> tuple[Tested, float]:
-    """Do the same with a classifier of aeon, or with the ridge on log-band energies."""
-    names = [item.removeprefix(AEON) for item in overrides if item.startswith(AEON)]
-    signals = read_signals(rows, [item for item in overrides if not item.startswith(AEON)])
-    train = np.flatnonzero(np.logical_not(is_test))
-    labels, groups = zip(*((rows[n].label, rows[n].group_key) for n in train), strict=True)
-    longest = max(signals[n][0].shape[1] for n in train)
-    features, model = aeons(names[0], longest) if names else ridge_on_bands(labels, groups)
-    begin = time.perf_counter()
-    model.fit(np.stack([features(*signals[n]) for n in train]), np.array(labels))
-    seconds, tested = time.perf_counter() - begin, []
-    for n in np.flatnonzero(is_test):
-        begin = time.perf_counter()
-        predicted = str(model.predict(features(*signals[n])[None])[0])
-        tested.append((rows[n].label, predicted, 1000 * (time.perf_counter() - begin)))
-    return tested, seconds
+def run_peer(told: Node, rows: Rows, keys: Sequence[str], is_test: list[bool]) -> Trained:
+    """Do the same with a classifier of another library."""
+    signals = read_signals(rows, keys)
+    return _peers.train(
+        told, signals, [row.label for row in rows], [row.group_key for row in rows], is_test
+    )
 
 
-def ridge_on_bands(labels: Sequence[str], groups: Sequence[str]) -> tuple[Features, Any]:
-    """Return log-band energies and levels of every axis, and a ridge classifier for them."""
-    left_out = leave_out(labels, groups) or None
-    ridge = RidgeClassifierCV(np.logspace(-3, 4, 15), cv=left_out and PredefinedSplit(left_out))
-    return log_bands, make_pipeline(StandardScaler(), ridge)
-
-
-def aeons(name: str, length: int) -> tuple[Features, Any]:
-    """Return signals as they are, of one length, and a classifier as ``module.Class`` of aeon."""
-    module, _, cls = name.rpartition(".")
-    model = getattr(import_module(f"aeon.classification.{module}"), cls)(random_state=0)
-    return lambda trace, _: np.stack([np.resize(axis, length) for axis in trace]), model
-
-
-def read_signals(rows: Rows, keys: Sequence[str]) -> list[tuple[Array, float]]:
-    """Return the samples (axes, samples) and rate in Hz of every recording, as ``keys`` decode."""
+def read_signals(rows: Rows, keys: Sequence[str]) -> list[_peers.Signal]:
+    """Return samples (axes, samples) and rate in Hz of each recording, or photos and 1."""
+    if rows[0].modality == "image":
+        return [(cv2.imread(str(row.path))[..., ::-1].copy(), 1.0) for row in rows]
     decoder, signals = SignalDecoder(channels=configured(*keys).data.channels), []
     for row in rows:
         trace, rate, _ = read_trace(row.path, decoder, row.sampling_rate)
         signals.append((cut_part(trace, row.part, row.path), rate))
     return signals
-
-
-def log_bands(trace: Array, rate: float) -> Array:
-    """Return means and deviations of log-band energies, and levels, of (axes, samples)."""
-    size = min(trace.shape[1], max(32, round(WINDOW * rate)))
-    frequencies, _, power = scipy.signal.spectrogram(trace, rate, nperseg=size, noverlap=size // 2)
-    edges = np.geomspace(frequencies[1], rate / 2, BANDS, endpoint=False)
-    starts = np.unique(np.searchsorted(frequencies, edges))
-    bands = np.log(np.add.reduceat(power, starts, axis=1) + FLOOR)
-    level = np.log(np.abs(trace.mean(axis=1)) + FLOOR**0.5)
-    return np.concatenate((bands.mean(axis=2).ravel(), bands.std(axis=2).ravel(), level))
 
 
 def choices(results: list[Node], candidates: list[str]) -> dict[str, str]:
@@ -303,20 +312,3 @@ def write_tables(results: list[Node], target: Path) -> None:
     cells = [[f"{x:.4g}" if isinstance(x, float) else to_markdown(str(x)) for x in y] for y in rows]
     lines = [COLUMNS, ["---"] * len(COLUMNS), *cells]
     write_text(target / "accuracy.md", "".join(f"| {' | '.join(line)} |\n" for line in lines))
-
-
-@styled
-def draw(results: list[Node], path: Path) -> None:
-    """Draw a chart for each data set: the score of every system by protocol."""
-    sets = list(dict.fromkeys(result["data"] for result in results)) or [""]
-    styles = looks(dict.fromkeys(result["system"] for result in results))
-    figure, grid = make_grid(len(sets), 3, (3.6, 2.8))
-    for axes, data in zip(grid, sets, strict=True):
-        for system, (colour, marker) in styles.items():
-            own = [r for r in results if (r["data"], r["system"]) == (data, system)]
-            scores, names = [100 * r["score"] for r in own], [r["protocol"] for r in own]
-            axes.plot(scores, names, marker, color=colour, label=system, alpha=0.7)
-        axes.set(title=data, xlabel="correct (%)")
-        axes.grid(axis="x")
-    figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
-    save_figure(figure, path)

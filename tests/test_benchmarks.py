@@ -2,6 +2,7 @@
 
 import math
 import shutil
+import time
 from itertools import product
 from pathlib import Path
 
@@ -10,11 +11,13 @@ import pytest
 from scipy.stats import multinomial
 
 from benchmarks import __main__ as runner
-from benchmarks import accuracy, shapes
+from benchmarks import _peers, accuracy, shapes
 from benchmarks._changes import Item, apply
+from benchmarks._field import spread
 from benchmarks._paired import Cell, compare, paired_interval, to_table
 from tex_lightning.data.recordings import Recording
 from tex_lightning.errors import UserError
+from tex_lightning.evaluation.outcomes import wilson_interval
 
 
 def test_every_module_but_the_runner_is_a_benchmark(capsys):
@@ -37,11 +40,17 @@ data:
     window: 16000
     balanced: true
     protocols: [lamp]
+classifiers: [&own {_target_: benchmarks._peers.OwnHead}]
 systems:
   haptic:
     bands: [model=band_proportions]
-    log_bands: []
+    log_bands: {features: log_bands, classifier: {_target_: sklearn.linear_model.RidgeClassifierCV}}
+    log_mel: {features: log_mel, pieces: 0.5, every: 2, classifier: *own}
+    signals: {classifier: {_target_: sklearn.linear_model.RidgeClassifier}}
     broken: [model=mfcc_nb, "data.channels=[7]"]
+field: [{data: lamps, protocol: lamp, title: lamps}, {data: none, protocol: lamp, title: none}]
+ours: [ours]
+names: {bands: ours, log_bands: a peer, log_mel: a peer}
 """
 
 
@@ -56,19 +65,67 @@ def test_accuracy_of_systems_by_data_set_and_protocol(surfaces, cache, tmp_path,
     figures = accuracy.measure(**where, choose="bands,log_bands")
     assert figures["waves.first.bands"].startswith("100.0% (21/21), fit ")
     assert "/6), fit " in figures["lamps.lamp.log_bands"]
+    assert figures["waves.first.log_mel"].startswith("100.0% (11/11), fit ")
+    assert figures["best peer of waves.first"].split(",")[0] in {"log_bands", "log_mel"}
+    assert figures["lamps.lamp.signals"].startswith("failed: ValueError")
     assert figures["waves.first.broken"].startswith("failed: ")
     assert "data.channels" in figures["waves.first.broken"]
     assert figures["chosen without lamps"].startswith("bands, ")
     lines = (tmp_path / "out" / "accuracy.md").read_text().splitlines()
-    assert len(lines) == 2 + 6
-    assert (tmp_path / "out" / "accuracy.png").stat().st_size > 1000
+    assert len(lines) == 2 + 10
+    assert (tmp_path / "out" / "field.png").stat().st_size > 1000
 
     monkeypatch.setattr(accuracy, "run_package", lambda *_: pytest.fail("runs again"))
     again = accuracy.measure(**where, only="waves,ba,log_bands")
     assert again.items() <= figures.items()
-    assert len(again) == 2 + 1
+    assert len(again) == 2 + 2
     with pytest.raises(UserError, match="nothing begins no name; choose from bands, "):
         accuracy.measure(**where, only="nothing")
+
+
+def test_a_cell_that_takes_too_long_is_given_up():
+    with pytest.raises(UserError, match=r"more than 0\.05 s"), accuracy.limited(0.05):
+        time.sleep(5)
+
+
+def test_pieces_of_a_recording_answer_together_and_groups_are_left_out_whole():
+    rng, told = (
+        np.random.default_rng(0),
+        {"features": "log_mel", "pieces": 0.1, "standardised": True},
+    )
+    ridge = {"_target_": "sklearn.linear_model.RidgeClassifierCV"}
+    peer = _peers.Peer({**told, "classifier": ridge})
+    slow = [(5 + rng.normal(size=(2, 400)).cumsum(axis=1), 1000.0) for _ in range(4)]
+    quick = [(rng.normal(size=(2, 400)), 1000.0) for _ in range(4)]
+    peer.fit([*slow[:3], *quick[:3]], ["slow"] * 3 + ["quick"] * 3, "abcdef")
+    assert [len(peer.pieces(signal)) for signal in (slow[0], (slow[0][0][:, :40], 1000.0))] == [
+        4,
+        1,
+    ]
+    np.testing.assert_allclose([x.mean(axis=1) for x, _ in peer.pieces(slow[0])], 0, atol=1e-9)
+    assert [peer.predict(signal) for signal in (slow[3], quick[3])] == ["slow", "quick"]
+    parts = peer.model.cv.test_fold.reshape(6, 4)  # four pieces of a recording share its part
+    assert (parts == parts[:, :1]).all()
+
+
+def test_balanced_scores_have_the_interval_of_as_many_equal_classes():
+    equal = [("x", "xy"[n % 2], 1.0) for n in range(20)] + [
+        ("y", "xy"[n % 2], 1.0) for n in range(20)
+    ]
+    expected = wilson_interval(20, 40)
+    for balanced in (False, True):
+        assert accuracy.interval(equal, balanced) == pytest.approx(expected, abs=1e-6)
+    low, high = accuracy.interval([*equal, *equal[:20] * 9], balanced=True)
+    assert expected[0] < low < high < expected[1]
+    assert accuracy.interval([("x", "x", 1.0)] * 10, False)[1] == pytest.approx(1)
+
+
+def test_names_beside_a_chart_keep_their_distance_and_their_order():
+    places = spread([0.98, 0.97, 0.5, 0.02, 0.01], 0.1)
+    assert np.diff(places).max() <= -0.1 + 1e-9
+    assert places[0] == 0.98
+    assert places[-1] >= 0
+    assert places[2] == 0.5
 
 
 def test_rows_are_divided_by_group_by_number_and_by_condition():
