@@ -98,7 +98,7 @@ def train(
     groups: Sequence[Any],
     is_test: Sequence[bool],
 ) -> tuple[list[tuple[str, str, float]], float]:
-    """Train and test a peer, on every n-th recording if ``every`` says so.
+    """Train and test a peer, on every n-th recording only if ``every`` is n.
 
     Returns:
         Of each tested recording the class, the predicted class and ms; and seconds of the fit.

@@ -116,6 +116,8 @@ def run(settings: Node, cell: Cell, target: Path, limit: float) -> Node:
     told = settings["systems"][entry["modality"]][system]
     try:
         parts = () if isinstance(told, dict) else parts_of(told)
+        if "slow" in told:
+            told = {**told, "every": entry.get("every", 1)}
         described = entry.get("keys"), entry.get("window"), division, told, parts
         digest = sha256(repr(described).encode()).hexdigest()[:8]
         file = target / "cells" / f"{data}-{protocol}-{system}-{digest}.json"

@@ -33,7 +33,7 @@ protocols:
   first: {first: 3}
   lamp: {tests: [{lamp: a}]}
 data:
-  waves: {reads: [data=folder, "data.root=$DATA"], modality: haptic, protocols: [first]}
+  waves: {reads: [data=folder, "data.root=$DATA"], modality: haptic, every: 2, protocols: [first]}
   lamps:
     reads: [data=manifest, "data.manifest=$DATA/lamps.csv"]
     modality: haptic
@@ -45,7 +45,7 @@ systems:
   haptic:
     bands: [model=band_proportions]
     log_bands: {features: log_bands, classifier: {_target_: sklearn.linear_model.RidgeClassifierCV}}
-    log_mel: {features: log_mel, pieces: 0.5, every: 2, classifier: *own}
+    log_mel: {features: log_mel, pieces: 0.5, slow: true, classifier: *own}
     signals: {classifier: {_target_: sklearn.linear_model.RidgeClassifier}}
     broken: [model=mfcc_nb, "data.channels=[7]"]
 field: [{data: lamps, protocol: lamp, title: lamps}, {data: none, protocol: lamp, title: none}]
