@@ -227,14 +227,17 @@ class ProportionsGraph(nn.Module):
             trace = without_rests(trace, features.sampling_rate, features.min_samples)
         samples, trace = trace.shape[-1], features.filled(trace)
         centred = trace - trace.mean(dim=-1, keepdim=True)
-        responses = []
+        responses = {}
         for index, power in zip(features.used, self.powers, strict=True):
             axes = centred[:, None] if features.apart else centred[None]
             bands = torch.stack([power(part).T for part in axes])
-            responses.append(features.compare(bands, index))
-        frames = responses[features.used.index(features.longest)].shape[0]
-        fragments = self._fragments(samples, frames)
-        return features.join(responses, trace, fragments)
+            responses[index] = features.compare(bands, index)
+        fragments = self._fragments(samples, responses[features.longest].shape[0])
+        summaries = [
+            features.summary([every], index, every.shape[0], fragments)
+            for index, every in responses.items()
+        ]
+        return features.join(summaries, trace, fragments)
 
     def _fragments(self, samples: int, fewest: int) -> Any:  # noqa: ANN401
         """Return how many fragments the whole signal is cut into."""

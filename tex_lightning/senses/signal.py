@@ -107,7 +107,7 @@ class SignalSense(Sense):
         """
         features: Any = self.features
         if learn and hasattr(features, "learn"):
-            features.learn(load_recording(row, store).to(self.device) for row in rows)
+            features.learn(Loaded(rows, store, self.device))
         clean = (self._raw(load_recording(row, store)) for row in self._tracked(rows))
         perturbed = self._perturbed(rows, store, fit, seed)
         raw = InputBank(chain(clean, perturbed), 1).inputs
@@ -196,6 +196,23 @@ class SignalSense(Sense):
         trace = to_rate(raw, rate, target, name)
         usual, measures = limits(ranges), trace_measures(trace, rate, target)
         return torch.from_numpy(trace), trace_quality(raw, usual, self.what, measures)
+
+
+class Loaded:
+    """Decoded recordings, loaded one by one each time that they are gone through.
+
+    Args:
+        rows: The recordings.
+        store: Where they are decoded.
+        device: Where they are needed.
+    """
+
+    def __init__(self, rows: Sequence[Recording], store: Store, device: torch.device) -> None:
+        self.rows, self.store, self.device = rows, store, device
+
+    def __iter__(self) -> Iterator[Tensor]:
+        """Load each of them."""
+        return (load_recording(row, self.store).to(self.device) for row in self.rows)
 
 
 def fit_closed_form(network: Any, bank: Bank, labels: Indices, groups: Sequence[str]) -> None:  # noqa: ANN401

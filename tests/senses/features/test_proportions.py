@@ -1,5 +1,7 @@
 """Proportions of bands: filters, what counts and what does not, fragments, wrong input."""
 
+import weakref
+
 import numpy as np
 import pytest
 import torch
@@ -7,6 +9,7 @@ from scipy.signal import ShortTimeFFT
 from scipy.signal.windows import hann
 
 from tex_lightning.errors import UserError
+from tex_lightning.senses.features import proportions
 from tex_lightning.senses.features.proportions import FLOOR, BandProportions, octave_filters
 
 WINDOWS = (0.032, 0.256)
@@ -188,6 +191,53 @@ def test_three_axes_count_by_their_power_whichever_way_the_tool_is_turned():
     turn, _ = torch.linalg.qr(torch.randn(3, 3, generator=torch.Generator().manual_seed(1)))
     assert (features(turn @ trace) - features(trace)).abs().mean() < 1e-2
     assert (features(trace.flip(-1)) - features(trace)).abs().mean() > 2e-2
+
+
+@pytest.mark.parametrize("levels", [None, 2])
+@pytest.mark.parametrize("fragment_seconds", [0.05, 0.5, 7])
+def test_the_size_of_blocks_changes_nothing(levels, fragment_seconds, monkeypatch):
+    traces = [noise(4, 300.0, seed, axes=2) for seed in range(3)]
+    found = []
+    for most in (7, 10_000):
+        monkeypatch.setattr(proportions, "MIN_BLOCK", most)
+        monkeypatch.setattr(proportions, "MAX_BLOCK", most)
+        features = make(300.0, levels=levels, fragment_seconds=fragment_seconds)
+        features.learn(traces)
+        found.append((features.thresholds1, features(noise(5, 300.0, 5, axes=2).cumsum(dim=1))))
+    torch.testing.assert_close(*found, atol=1e-4, rtol=1e-4)
+
+
+def test_fragments_have_the_mean_and_variance_of_their_rows():
+    rows = torch.randn(61, 3, generator=torch.Generator().manual_seed(0))
+    moments = proportions.Moments(61, 7)
+    for block in rows.split(5):
+        moments.add(block, squares=True)
+    place = [index * 7 // 61 for index in range(61)]
+    parts = [rows[[p == number for p in place]].numpy() for number in range(7)]
+    np.testing.assert_allclose(moments.mean, [part.mean(axis=0) for part in parts], atol=1e-6)
+    np.testing.assert_allclose(moments.variance, [part.var(axis=0) for part in parts], atol=1e-6)
+
+
+def test_recordings_that_can_be_read_again_are_not_held():
+    held, most = weakref.WeakSet(), 0
+
+    class Recordings:
+        def __iter__(self):
+            nonlocal most
+            for seed in range(6):
+                trace = noise(2, seed=seed)
+                held.add(trace)
+                most = max(most, len(held))
+                yield trace
+
+    read, listed = make(), make()
+    read.learn(Recordings())
+    listed.learn(iter(Recordings()))  # can be read once
+    torch.testing.assert_close(read.thresholds0, listed.thresholds0, rtol=0, atol=0)
+    assert most == 6
+    most = 0
+    read.learn(Recordings())
+    assert most <= 2
 
 
 @pytest.mark.parametrize(("seconds", "fragments"), [(0.26, 1), (1.2, 2), (5.0, 10)])

@@ -7,7 +7,7 @@ frequency and a threshold, and the windows and their bands follow from the data'
 
 import math
 import statistics
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Annotated, Any, ClassVar
 
 import scipy  # whose parts are loaded when they are used
@@ -25,6 +25,10 @@ MIN_SAMPLES = 8  # of a window; at a slow rate the short ones are left out
 # no proportions, nor deviations
 WINDOWS_IN_RECORDING, WINDOWS_IN_SLOW = 2, 4
 MAX_WINDOWS = 16
+BLOCK = (
+    1 << 18
+)  # samples of the frames that are computed at once, about, so that they stay in cache
+MIN_BLOCK, MAX_BLOCK = 64, 256  # frames
 MAX_FRAMES = 50_000  # frames, about, that thresholds are learnt from: enough for quantiles
 FLOOR = 1e-7  # of the power of a frame; below it the logarithm is flat
 SILENCE = 1e-15  # of the mean power of the training set, likewise
@@ -214,16 +218,21 @@ class BandProportions(nn.Module):
         places = torch.remainder(places, torch.full_like(places, 2 * have))
         return movement[:, torch.minimum(places, 2 * have - 1 - places)]
 
-    def responses(self, movement: Tensor, index: int) -> Tensor:
+    def responses(
+        self, movement: Tensor, index: int, first: int = 0, last: int | None = None
+    ) -> Tensor:
         """Return what one window compares with thresholds: (frames, channels), block after block.
 
         Args:
             movement: (axes, samples).
             index: Number of the window.
+            first: First frame.
+            last: One past the last frame; None takes all.
         """
         length = self.lengths[index]
         window, filters = self.get_buffer(f"window{index}"), self.get_buffer(f"filters{index}")
-        frames = movement.unfold(-1, length, hop_length(length))
+        before = max(0, first - OVERLAP)  # frames that the first ones are compared with
+        frames = movement.unfold(-1, length, hop_length(length))[:, before:last]
         frames = (frames - frames.mean(dim=-1, keepdim=True)).mul_(window)
         squares = torch.view_as_real(torch.fft.rfft(frames)).square_()
         power = squares[..., 0] + squares[..., 1]
@@ -231,7 +240,24 @@ class BandProportions(nn.Module):
         low, high = self.halves[index]  # low bands are most of all, and take few frequencies
         half = filters.shape[1] // 2
         sums = power[..., low] @ filters[low, :half], power[..., high] @ filters[high, half:]
-        return self.compare(torch.cat(sums, dim=-1) / window.sum().square(), index)
+        power = torch.cat(sums, dim=-1) / window.sum().square()
+        return self.compare(power, index)[first - before :]
+
+    def count_frames(self, samples: int, index: int) -> int:
+        """Return how many frames of a window so many samples have."""
+        length = self.lengths[index]
+        return (samples - length) // hop_length(length) + 1
+
+    def in_blocks(self, movement: Tensor, index: int) -> Iterator[Tensor]:
+        """Yield the same as :meth:`responses` some frames (block, channels) at a time.
+
+        Memory then does not grow with the movement (axes, samples).
+        """
+        frames = self.count_frames(movement.shape[-1], index)
+        size = BLOCK // (len(movement) * self.lengths[index])
+        size = min(max(size, MIN_BLOCK), MAX_BLOCK)
+        for first in range(0, frames, size):
+            yield self.responses(movement, index, first, min(frames, first + size))
 
     def compare(self, power: Tensor, index: int) -> Tensor:
         """Compare the power of bands in four ways: of all axes together, and of each if they count.
@@ -252,43 +278,59 @@ class BandProportions(nn.Module):
         """Take level, thresholds, and which windows fit, from the training set.
 
         Args:
-            traces: (axes, samples) each.
+            traces: (axes, samples) each. What can be gone through again, as a list, is read several
+                times and not held.
         """
+        if iter(traces) is traces:
+            traces = list(traces)
         self.fits.fill_(False)
         self._note_windows()
-        movements = [self.movement(trace) for trace in traces]
-        usual = statistics.median(movement.shape[-1] for movement in movements)
+        counts = [self.movement(trace).shape[-1] for trace in traces]
+        usual = statistics.median(counts)
         lengths = torch.tensor(self.lengths, device=self.fits.device)
         least = WINDOWS_IN_SLOW if self.levels else WINDOWS_IN_RECORDING
         self.fits.copy_(lengths * least <= usual)
         self._note_windows()
-        movements = [self.filled(movement) for movement in movements]
-        powers = [movement.var(dim=-1, correction=0).sum() for movement in movements]
+
+        def movements() -> Iterator[Tensor]:
+            return (self.filled(self.movement(trace)) for trace in traces)
+
+        powers = [movement.var(dim=-1, correction=0).sum() for movement in movements()]
         level = torch.stack(powers).mean()
         self.level.copy_(level if level > 0 else torch.ones_like(level))
         for index in self.used:
-            responses = [
-                _thinned(self.responses(movement, index), MAX_FRAMES // len(movements))
-                for movement in movements
-            ]
-            ordered = torch.cat(responses).sort(dim=0).values
-            thresholds = self.get_buffer(f"thresholds{index}")
-            count = len(thresholds)
-            shares = (torch.arange(count, dtype=torch.float64) + 0.5) / count
-            places = (shares * len(ordered)).long().to(ordered.device)
-            after = (places + 1).clamp_max(len(ordered) - 1)  # between two: no rounding crosses it
-            thresholds.copy_((ordered[places] + ordered[after]) / 2)
+            kept = MAX_FRAMES // len(counts)
+            responses = [self._thinned(movement, index, kept) for movement in movements()]
+            self._learn_thresholds(torch.cat(responses), self.get_buffer(f"thresholds{index}"))
         if self.levels:
             self._learn_levels(movements)
 
-    def _learn_levels(self, movements: Sequence[Tensor]) -> None:
+    def _thinned(self, movement: Tensor, index: int, kept: int) -> Tensor:
+        """Return at most so many rows of responses at equal distances, and at least one."""
+        frames = self.count_frames(movement.shape[-1], index)
+        step, first, parts = math.ceil(frames / max(1, kept)), 0, []
+        for responses in self.in_blocks(movement, index):
+            parts.append(responses[-first % step :: step].clone())
+            first += len(responses)
+        return torch.cat(parts)
+
+    def _learn_thresholds(self, responses: Tensor, thresholds: Tensor) -> None:
+        """Set thresholds (thresholds, channels) to quantiles of responses (frames, channels)."""
+        count, frames = len(thresholds), len(responses)
+        shares = (torch.arange(count, dtype=torch.float64) + 0.5) / count
+        places = (shares * frames).long().to(responses.device)
+        after = (places + 1).clamp_max(frames - 1)  # between two: no rounding crosses it
+        size = max(1, BLOCK // frames)
+        for channels in torch.arange(thresholds.shape[1], device=thresholds.device).split(size):
+            ordered = responses[:, channels].sort(dim=0).values
+            thresholds[:, channels] = (ordered[places] + ordered[after]) / 2
+
+    def _learn_levels(self, movements: Callable[[], Iterator[Tensor]]) -> None:
         """Find the channels that are positive, and the usual deviation of each."""
-        self.positive.copy_(
-            torch.stack([(movement > 0).all(dim=-1) for movement in movements]).all(dim=0)
-        )
-        deviation = torch.stack(
-            [movement.std(dim=-1, correction=0) for movement in movements]
-        ).mean(dim=0)
+        positive = [(movement > 0).all(dim=-1) for movement in movements()]
+        self.positive.copy_(torch.stack(positive).all(dim=0))
+        deviations = [movement.std(dim=-1, correction=0) for movement in movements()]
+        deviation = torch.stack(deviations).mean(dim=0)
         self.deviation.copy_(torch.where(deviation > 0, deviation, torch.ones_like(deviation)))
 
     def forward(self, trace: Tensor) -> Tensor:
@@ -303,58 +345,123 @@ class BandProportions(nn.Module):
                 f"{self.levels}; give a recording of the same sensor."
             )
         movement = self.movement(trace)
-        seconds, movement = movement.shape[-1] / self.sampling_rate, self.filled(movement)
-        responses = [self.responses(movement, index) for index in self.used]
-        fewest = len(responses[self.used.index(self.longest)])
-        fragments = min(fewest, max(1, round(seconds / self.fragment_seconds)))
-        return self.join(responses, movement, fragments)
+        samples, movement = movement.shape[-1], self.filled(movement)
+        frames = [self.count_frames(movement.shape[-1], index) for index in self.used]
+        fewest = frames[self.used.index(self.longest)]
+        wanted = round(samples / self.sampling_rate / self.fragment_seconds)
+        fragments = min(fewest, max(1, wanted))
+        summaries = [
+            self.summary(self.in_blocks(movement, index), index, count, fragments)
+            for index, count in zip(self.used, frames, strict=True)
+        ]
+        return self.join(summaries, movement, fragments)
 
-    def join(self, responses: Iterable[Tensor], movement: Tensor, fragments: int) -> Tensor:
-        """Return the features (1, 1, D, fragments) of what the windows in use give.
+    def summary(self, blocks: Iterable[Tensor], index: int, frames: int, fragments: int) -> Tensor:
+        """Return the features (D, fragments) of one window.
 
         Args:
-            responses: (frames, channels) of each window in use.
+            blocks: Responses (block, channels), one block after the other.
+            index: Number of the window.
+            frames: Number of all frames.
+            fragments: Number of equal fragments.
+        """
+        limits, bands = self.get_buffer(f"thresholds{index}"), self.sizes[index]
+        above, means = Moments(frames, fragments), Moments(frames, fragments)
+        for responses in blocks:  # as numbers: faster than a comparison as booleans
+            above.add((responses - limits[:, None]).gt_(0))
+            kept = responses[:, : sum(bands if self.levels else bands[:2])]
+            means.add(kept, squares=self.levels > 0)
+        parts = [above.mean.permute(2, 0, 1).flatten(0, 1), means.mean.T[: sum(bands[:2])]]
+        return torch.cat((*parts, means.variance.T.sqrt()) if self.levels else parts)
+
+    def join(self, summaries: Iterable[Tensor], movement: Tensor, fragments: int) -> Tensor:
+        """Return the features (1, 1, D, fragments) of all windows.
+
+        Args:
+            summaries: Features (D, fragments) of each window in use.
             movement: (axes, samples), for the levels.
             fragments: Number of equal fragments.
         """
-        by_window = dict(zip(self.used, responses, strict=True))
-        parts = []
-        for index in range(len(self.lengths)):
-            limits = self.get_buffer(f"thresholds{index}")
-            if index in by_window:
-                parts.append(proportions(by_window[index], limits, fragments))
-                parts.append(self._moments(by_window[index], index, fragments))
-            else:
-                parts.append(limits.new_zeros(self.widths[index], fragments))
+        by_window = dict(zip(self.used, summaries, strict=True))
+        blank = movement.new_zeros
+        parts = [
+            by_window[index] if index in by_window else blank(self.widths[index], fragments)
+            for index in range(len(self.lengths))
+        ]
         if self.levels:
             parts.append(self._levels(movement, fragments))
         return torch.cat(parts)[None, None]
 
-    def _moments(self, responses: Tensor, index: int, fragments: int) -> Tensor:
-        """Return means of two comparisons, and where levels count deviations of all (D, fragments).
-
-        Args:
-            responses: (frames, channels).
-            index: Number of the window.
-            fragments: Number of equal fragments.
-        """
-        member, bands = membership(responses.shape[0], fragments, responses), self.sizes[index]
-        means = responses[:, : sum(bands[:2])].T @ member
-        if not self.levels:
-            return means
-        together = responses[:, : sum(bands)]
-        offsets = together - together.mean(dim=0)
-        variance = offsets.square().T @ member - (offsets.T @ member).square()
-        return torch.cat((means, variance.clamp_min(0).sqrt()))
-
     def _levels(self, movement: Tensor, fragments: int) -> Tensor:
         """Return mean and logarithm of the deviation of each channel (2 * levels, fragments)."""
-        member = membership(movement.shape[-1], fragments, movement)
-        mean = movement @ member
-        square = (movement - movement.mean(dim=-1, keepdim=True)).square() @ member
+        moments = Moments(movement.shape[-1], fragments)
+        every = movement.T
+        for block in (every,) if torch.compiler.is_exporting() else every.split(MAX_BLOCK):
+            moments.add(block, squares=True)
+        mean = moments.mean.T
+        away = mean - movement.mean(dim=-1, keepdim=True)
+        square = moments.variance.T + away.square()
         tiny = torch.finfo(mean.dtype).tiny
         level = torch.where(self.positive[:, None], mean.clamp_min(tiny).log(), mean)
         return torch.cat((level, (square.sqrt() / self.deviation[:, None] + QUIET).log()))
+
+
+class Moments:
+    """Mean and variance of rows over equal fragments of them, added block by block.
+
+    Blocks are joined as Chan, Golub and LeVeque (1983) do, so that nothing large is subtracted.
+
+    Args:
+        rows: Number of all rows.
+        fragments: Number of fragments, at most that of rows.
+
+    Attributes:
+        mean: (..., fragments, D) of the rows in each fragment.
+    """
+
+    mean: Tensor
+    squares: Tensor
+    counts: Tensor
+
+    def __init__(self, rows: int, fragments: int) -> None:
+        self.rows, self.fragments, self.before = rows, fragments, 0
+
+    def add(self, block: Tensor, *, squares: bool = False) -> None:
+        """Add the next rows (..., block, D), and their squared deviations if ``squares``."""
+        rows, fragments, first = self.rows, self.fragments, self.before
+        self.before += block.shape[-2]
+        whole = first == 0 and self.before == rows
+        start = 0 if whole else first * fragments // rows
+        stop = fragments if whole else (self.before - 1) * fragments // rows + 1
+        places = torch.arange(first, self.before, device=block.device) * fragments // rows - start
+        parts = torch.arange(stop - start, device=block.device)
+        member = (places[:, None] == parts).to(block.dtype).T
+        counts = member.sum(dim=1, keepdim=True)
+        mean = member @ block / counts
+        around = member @ (block - mean[places]).square() if squares else None
+        if whole:
+            self.mean, self.counts = mean, counts
+            self.squares = mean if around is None else around
+        else:
+            self._join(slice(start, stop), counts, mean, around)
+
+    def _join(self, part: slice, counts: Tensor, mean: Tensor, squares: Tensor | None) -> None:
+        """Join counts (parts, 1), means and squares (..., parts, D) with those before."""
+        if part.start == 0 and not hasattr(self, "mean"):
+            self.mean = mean.new_zeros(*mean.shape[:-2], self.fragments, mean.shape[-1])
+            self.squares = torch.zeros_like(self.mean) if squares is not None else self.mean
+            self.counts = mean.new_zeros(self.fragments, 1)
+        before, away = self.counts[part].clone(), mean - self.mean[..., part, :]
+        self.counts[part] += counts
+        share = counts / self.counts[part]
+        self.mean[..., part, :] += away * share
+        if squares is not None:
+            self.squares[..., part, :] += squares + away.square() * (before * share)
+
+    @property
+    def variance(self) -> Tensor:
+        """Variance (..., fragments, D) in each fragment, of rows that were added with squares."""
+        return self.squares / self.counts
 
 
 def hop_length(length: int) -> int:
@@ -375,29 +482,6 @@ def compared(bands: Tensor, gap: int, kinds: int) -> Tensor:
     relative, steps = bands - bands.mean(dim=2, keepdim=True), bands[..., gap:] - bands[..., :-gap]
     comparisons = (relative, steps, bands - bands[:, earlier], bands)[:kinds]
     return torch.cat([part.transpose(0, 1).flatten(1) for part in comparisons], dim=1)
-
-
-def proportions(responses: Tensor, limits: Tensor, fragments: int) -> Tensor:
-    """Return the proportion of the frames of each fragment that are above each threshold.
-
-    Args:
-        responses: (frames, channels).
-        limits: (thresholds, channels).
-        fragments: Number of equal fragments.
-
-    Returns:
-        (channels * thresholds, fragments), the thresholds of a channel side by side.
-    """
-    member = membership(responses.shape[0], fragments, responses).T
-    above = (responses - limits[:, None]).gt_(0)  # as numbers: faster than a comparison as booleans
-    return (member @ above).permute(2, 0, 1).flatten(0, 1)
-
-
-def membership(frames: int, fragments: int, like: Tensor) -> Tensor:
-    """Return the matrix (frames, fragments) that averages frames over equal fragments."""
-    place = torch.arange(frames, device=like.device) * fragments // frames
-    member = (place[:, None] == torch.arange(fragments, device=like.device)).to(like.dtype)
-    return member / member.sum(dim=0)
 
 
 def octave_filters(sampling_rate: float, samples: int, per_octave: int) -> Tensor:
@@ -431,8 +515,3 @@ def _reach(filters: Tensor) -> slice:
     """Return the range of frequencies that some of the filters (bands, frequencies) take."""
     taken = filters.any(dim=0).nonzero()
     return slice(int(taken[0]), int(taken[-1]) + 1) if len(taken) else slice(0)
-
-
-def _thinned(responses: Tensor, kept: int) -> Tensor:
-    """Return at most so many rows at equal distances, and at least one."""
-    return responses[:: math.ceil(len(responses) / max(1, kept))]
