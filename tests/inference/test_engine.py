@@ -12,7 +12,7 @@ from torch import nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
-from tex_lightning.inference.engine import accelerate
+from tex_lightning.inference.engine import accelerate, count_macs, sample_macs
 from tex_lightning.networks import folding
 from tex_lightning.networks.blocks import response_norm as published
 from tex_lightning.networks.folding import FastResponseNorm, fold_batch_norm
@@ -133,3 +133,13 @@ def test_normalisation_is_folded_into_a_convolution_that_has_a_bias():
     fold_batch_norm(network)
     assert isinstance(network[1], nn.Identity)
     torch.testing.assert_close(network(x), expected)
+
+
+@pytest.mark.parametrize("level", ["fc2", "fc3"])
+def test_multiply_accumulates_are_those_of_the_scores_without_computing_them(level):
+    model, sample = classifier("fusion", level=level), inputs()
+    expected, ran = count_macs(lambda: model.logits(**sample)), []
+    for sense in model.senses.values():
+        sense.network.features = ran.append
+    assert sample_macs(model, **sample) == expected
+    assert not ran

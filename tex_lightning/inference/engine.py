@@ -186,6 +186,30 @@ def count_macs(function: Callable[[], object]) -> int:
     return int(counter.get_total_flops()) // 2
 
 
+def sample_macs(classifier: SurfaceClassifier, **recordings: Tensor) -> int:
+    """Count the multiply-accumulates of the class scores of a sample, those of features too.
+
+    The networks run on tensors that hold nothing: untiled, a large photo would take far more memory
+    than its test.
+
+    Args:
+        classifier: Classifier as it was trained and not accelerated.
+        **recordings: Decoded, by modality.
+    """
+    senses = classifier.senses.items()
+    if classifier.card.baseline or not all(sense.is_builtin for _, sense in senses):
+        return count_macs(lambda: classifier.logits(**recordings))
+    empty = Costs.of_card(classifier.card).classifier
+
+    def run() -> None:
+        for name, sense in senses:
+            x = sense.dense_input(recordings[sense.modality]).to("meta")
+            grid = empty.senses[name].dense_grid(x, empty.embedding_layer(name))
+            empty.output_of(name, grid.flatten(1))
+
+    return count_macs(run)
+
+
 class Costs:
     """Multiply-accumulates of a classifier, counted on tensors that hold nothing.
 

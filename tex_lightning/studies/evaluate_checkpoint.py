@@ -23,7 +23,7 @@ from tex_lightning.evaluation.outcomes import (
     write_outcomes,
 )
 from tex_lightning.inference.early_stopping import make_inference_model
-from tex_lightning.inference.engine import count_macs
+from tex_lightning.inference.engine import sample_macs
 from tex_lightning.inference.prediction import warn_of_few
 from tex_lightning.report.figures import (
     calibration_figure,
@@ -74,7 +74,7 @@ def describe_network(
     return {
         "parameters": classifier.count_parameters(),
         # None for a baseline whose arithmetic is outside PyTorch and not counted
-        "macs_per_sample": count_macs(lambda: classifier.logits(**recordings)) or None,
+        "macs_per_sample": sample_macs(classifier, **recordings) or None,
         "fit_seconds": training.get("fit_seconds", 0.0),
         "val_loss": training.get("val_loss"),
         "checkpoint": str(checkpoint.resolve()),

@@ -320,8 +320,9 @@ class BandProportions(nn.Module):
         shares = (torch.arange(count, dtype=torch.float64) + 0.5) / count
         places = (shares * frames).long().to(responses.device)
         after = (places + 1).clamp_max(frames - 1)  # between two: no rounding crosses it
+        every = torch.arange(thresholds.shape[1], device=thresholds.device)
         size = max(1, BLOCK // frames)
-        for channels in torch.arange(thresholds.shape[1], device=thresholds.device).split(size):
+        for channels in torch.split(every, size):
             ordered = responses[:, channels].sort(dim=0).values
             thresholds[:, channels] = (ordered[places] + ordered[after]) / 2
 
@@ -396,7 +397,7 @@ class BandProportions(nn.Module):
         """Return mean and logarithm of the deviation of each channel (2 * levels, fragments)."""
         moments = Moments(movement.shape[-1], fragments)
         every = movement.T
-        for block in (every,) if torch.compiler.is_exporting() else every.split(MAX_BLOCK):
+        for block in (every,) if torch.compiler.is_exporting() else torch.split(every, MAX_BLOCK):
             moments.add(block, squares=True)
         mean = moments.mean.T
         away = mean - movement.mean(dim=-1, keepdim=True)
