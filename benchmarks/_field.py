@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from sklearn.isotonic import isotonic_regression
 
 from tex_lightning.report.figures import make_grid, save_figure
 from tex_lightning.report.style import COLOURS, GUIDE, styled
@@ -13,7 +14,8 @@ from tex_lightning.report.style import COLOURS, GUIDE, styled
 OURS, BEST, PEER = COLOURS[4], "#222222", "#8a8a8a"
 GAP = 0.095  # of the height of a panel, between names
 COLUMNS = 4
-TICKS = (1, 10, 100, 1000)  # ms
+TICKS = {1: "1 ms", 100: "100 ms"}
+Array = np.ndarray[Any, Any]
 Node = dict[str, Any]
 
 
@@ -39,7 +41,7 @@ def draw(settings: Node, results: Sequence[Node], path: Path) -> None:
         if number % COLUMNS == 0:
             axes.set_ylabel("accuracy (%)", labelpad=1)
         if number >= len(panels) - COLUMNS:
-            axes.set_xlabel("time for one label (ms)", labelpad=1)
+            axes.set_xlabel("time for one label", labelpad=1)
     save_figure(figure, path)
 
 
@@ -70,7 +72,7 @@ def draw_panel(axes: Axes, found: Sequence[Node], ours: Sequence[str]) -> None:
     low = min(100 * result["ci_low"] for result in found)
     bottom, top = low - 0.04 * (100 - low), 100 + 0.04 * (100 - low)
     axes.set(xscale="log", xlim=(0.2, 4000), ylim=(bottom, top))
-    axes.set_xticks(TICKS, [f"{tick}" for tick in TICKS])
+    axes.set_xticks([*TICKS], [*TICKS.values()])
     axes.minorticks_off()
     axes.grid(axis="y")
     places = spread((scores - bottom) / (top - bottom), GAP)
@@ -94,12 +96,9 @@ def draw_panel(axes: Axes, found: Sequence[Node], ours: Sequence[str]) -> None:
         )  # fmt: skip
 
 
-def spread(falling: Sequence[float], gap: float) -> list[float]:
+def spread(falling: Array, gap: float) -> Array:
     """Return falling places in 0 to 1, moved as little as keeps each ``gap`` from the next."""
-    places: list[float] = []
-    for value in falling:
-        places.append(min([value, *(place - gap for place in places[-1:])]))
-    for number in range(len(places) - 1, -1, -1):
-        least = places[number + 1] + gap if number + 1 < len(places) else 0.0
-        places[number] = max(places[number], least)
-    return places
+    steps = gap * np.arange(len(falling))
+    places = isotonic_regression(falling + steps, increasing=False) - steps
+    moved: Array = np.clip(places, steps[::-1], 1 - steps)
+    return moved

@@ -121,11 +121,10 @@ def test_balanced_scores_have_the_interval_of_as_many_equal_classes():
 
 
 def test_names_beside_a_chart_keep_their_distance_and_their_order():
-    places = spread([0.98, 0.97, 0.5, 0.02, 0.01], 0.1)
+    places = spread(np.array([0.98, 0.97, 0.5, 0.3, 0.02, 0.01]), 0.1)
     assert np.diff(places).max() <= -0.1 + 1e-9
-    assert places[0] == 0.98
-    assert places[-1] >= 0
-    assert places[2] == 0.5
+    np.testing.assert_allclose(places, [1, 0.9, 0.5, 0.3, 0.1, 0], atol=1e-9)
+    np.testing.assert_allclose(spread(np.array([0.5, 0.5]), 0.1), [0.55, 0.45])
 
 
 def test_rows_are_divided_by_group_by_number_and_by_condition():
