@@ -49,6 +49,9 @@ def test_a_class_is_added_from_its_own_recordings_alone(three, two, surfaces, cl
         assert not said["warnings"]
     old, card = tl.load(two).card, tl.load(three).card
     assert len(card.trained_on["seen"]) == len(old.trained_on["seen"]) + 3
+    rows, known = (tl.load(run).classifier.rows["haptic"] for run in (three, two))
+    assert rows.labels.tolist() == [*known.labels.tolist(), 2, 2, 2]
+    assert len({*rows.groups.tolist()}) == len({*known.groups.tolist()}) + 3
     assert card.temperature == old.temperature
     for name, (low, high) in card.input_ranges["haptic"].items():
         first, last = old.input_ranges["haptic"][name]

@@ -15,6 +15,7 @@ from torch import Tensor, nn
 
 from tex_lightning.classifier.card import Card, read_checkpoint, reading
 from tex_lightning.classifier.statistics import FeatureStatistics
+from tex_lightning.classifier.training_rows import TrainingRows
 from tex_lightning.classifier.vote import RULES, Vote, random_tuples
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.devices import computing_threads
@@ -34,7 +35,7 @@ from tex_lightning.senses.base import Sense, content, make_sense
 from tex_lightning_runtime.samples import content_seed
 
 PREFIX = "classifier."  # in the state of a LightningModule
-STATISTICS = "statistics."  # in its own
+STATISTICS, ROWS = "statistics.", "rows."  # in its own
 ONE_THREAD = 60_000_000_000  # weights times samples or pixels: about 200 million products
 
 
@@ -90,6 +91,9 @@ class SurfaceClassifier(nn.Module):
             :class:`~tex_lightning.classifier.statistics.FeatureStatistics` of the embeddings
             (:meth:`embedding`) of the training recordings; empty before training has ended, and for
             a checkpoint without them.
+        rows: By the name of the sense, the
+            :class:`~tex_lightning.classifier.training_rows.TrainingRows` of a network in closed
+            form that keeps them.
         trained_embeddings: By the name of the sense the training recordings and the means of their
             embeddings (recordings, D), as long as the classifier is that which was trained on them;
             no part of its state.
@@ -108,6 +112,7 @@ class SurfaceClassifier(nn.Module):
     senses: Mapping[str, Sense]
     fusion: FusionLayer | None
     statistics: nn.ModuleDict
+    rows: nn.ModuleDict
 
     def __init__(
         self,
@@ -127,7 +132,7 @@ class SurfaceClassifier(nn.Module):
             networks = [sense.network for sense in senses.values()]
             self.fusion = FusionLayer(*networks, classes=len(card.classes), **card.fusion)
             self.fusion.remove_scores(networks)
-        self.statistics = nn.ModuleDict()
+        self.statistics, self.rows = nn.ModuleDict(), nn.ModuleDict()
         self.trained_embeddings: dict[str, tuple[Sequence[Recording], Tensor]] = {}
         self.layers = {name: self._layers(name) for name in senses}
 
@@ -173,7 +178,7 @@ class SurfaceClassifier(nn.Module):
             with SizeLimit(path.stat().st_size):
                 classifier = cls(card)
             state = own_state(stored)
-            classifier.expect_statistics(state)
+            classifier.expect(state)
             check_numbers(state)
             classifier.load_state_dict(state)
         return classifier.eval()
@@ -188,15 +193,12 @@ class SurfaceClassifier(nn.Module):
         """Return the trained part of a checkpoint."""
         return {"state_dict": lightning_state(self)}
 
-    def expect_statistics(self, stored: Mapping[str, Tensor]) -> None:
-        """Make room for statistics of the sizes in a stored state."""
-        states: dict[str, dict[str, Tensor]] = {}
-        for key, value in stored.items():
-            if key.startswith(STATISTICS):
-                name, buffer = key.removeprefix(STATISTICS).rsplit(".", 1)
-                states.setdefault(name, {})[buffer] = value
-        statistics = {name: FeatureStatistics.from_state(state) for name, state in states.items()}
-        self.statistics = nn.ModuleDict(statistics)
+    def expect(self, stored: Mapping[str, Tensor]) -> None:
+        """Make room for statistics and rows of the sizes in a stored state."""
+        statistics = parts_below(STATISTICS, stored).items()
+        self.statistics = nn.ModuleDict({x: FeatureStatistics.from_state(y) for x, y in statistics})
+        rows = parts_below(ROWS, stored).items()
+        self.rows = nn.ModuleDict({name: TrainingRows.from_state(state) for name, state in rows})
 
     @property
     def network(self) -> nn.Module:
@@ -449,6 +451,16 @@ def class_scores(network: nn.Module, features: Tensor) -> Tensor:
     layer: Any = score_layer_of(network)
     logits: Tensor = layer.weight.flatten(1) @ features + layer.bias[:, None]
     return logits
+
+
+def parts_below(prefix: str, state: Mapping[str, Tensor]) -> dict[str, dict[str, Tensor]]:
+    """Return the states of the modules below a prefix by their names."""
+    states: dict[str, dict[str, Tensor]] = {}
+    for key, value in state.items():
+        if key.startswith(prefix):
+            name, buffer = key.removeprefix(prefix).rsplit(".", 1)
+            states.setdefault(name, {})[buffer] = value
+    return states
 
 
 def lightning_state(classifier: SurfaceClassifier) -> dict[str, Tensor]:

@@ -108,6 +108,7 @@ def model_card(classifier: SurfaceClassifier, checkpoint: Path) -> str:
         "entry": entry,
         "networks": listed(list(networks)),
         "fused": f", fused on {card.fusion['level'].upper()}" if classifier.fusion else "",
+        "kept": max((len(next(rows.buffers())) for rows in classifier.rows.values()), default=0),
         "parameters": classifier.count_parameters(),
         "version": __version__,
         "sources": card.trained_on.get("trunks") or {},

@@ -56,6 +56,7 @@ def accelerate(classifier: SurfaceClassifier, config: EngineConfig) -> SurfaceCl
     device = classifier.device
     # on the CPU: not every device computes in float64
     fast = independent_copy(classifier).cpu().eval().requires_grad_(False)
+    fast.rows = nn.ModuleDict()  # that nothing computes with
     for name, sense in fast.senses.items():
         sense.tile = config.tile
         for features in sense.features.modules():

@@ -15,8 +15,9 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.classifier.card import Card
-from tex_lightning.classifier.classifier import STATISTICS, SurfaceClassifier
+from tex_lightning.classifier.classifier import ROWS, STATISTICS, SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
+from tex_lightning.classifier.training_rows import TrainingRows
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import ScoreLayer, score_layer_of
 from tex_lightning.networks.linear import RangeGate
@@ -135,7 +136,12 @@ def add_classes(
     card = replace(classifier.card, classes=[*classifier.card.classes, *names])
     state = classifier.state_dict() | _with_rows(classifier, layer, torch.cat(rows, dim=1), biases)
     state |= _with_limits(classifier, features)
-    return _rebuilt(card, state, statistics)
+    grown = _rebuilt(card, state, statistics)
+    for name, known in classifier.rows.items():
+        grown.rows[name] = _with_recordings(
+            cast(TrainingRows, known), features[name], len(classifier.card.classes)
+        )
+    return grown
 
 
 def _check_extensible(classifier: SurfaceClassifier) -> ScoreLayer | nn.Linear:
@@ -207,6 +213,13 @@ def _with_limits(
     return widened
 
 
+def _with_recordings(rows: TrainingRows, features: Fragments, known: int) -> TrainingRows:
+    """Return training rows with the recordings of the new classes, numbered from ``known`` on."""
+    means = [x.mean(dim=1) for members in features for x in members]
+    labels = [known + new for new, members in enumerate(features) for _ in members]
+    return rows.with_recordings(torch.stack(means), torch.tensor(labels))
+
+
 def _rebuilt(
     card: Card, state: Mapping[str, Tensor], statistics: Mapping[str, FeatureStatistics]
 ) -> SurfaceClassifier:
@@ -216,7 +229,7 @@ def _rebuilt(
         UserError: If something else in the network depends on their number.
     """
     extended = SurfaceClassifier(card)
-    kept = {name: value for name, value in state.items() if not name.startswith(STATISTICS)}
+    kept = {name: value for name, value in state.items() if not name.startswith((STATISTICS, ROWS))}
     try:
         extended.load_state_dict(kept)
     except RuntimeError as error:

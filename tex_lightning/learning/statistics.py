@@ -14,6 +14,7 @@ from torch import Tensor
 from tex_lightning.classifier.card import NOVELTIES, Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
+from tex_lightning.classifier.training_rows import TrainingRows
 from tex_lightning.config import EngineConfig
 from tex_lightning.core.groups import leave_out
 from tex_lightning.core.progress import track
@@ -38,7 +39,8 @@ def keep_statistics(
 ) -> dict[str, list[float | None]]:
     """Set the :attr:`~SurfaceClassifier.statistics` of every sense of a trained classifier.
 
-    Its :attr:`~SurfaceClassifier.trained_embeddings` are set, too.
+    Its :attr:`~SurfaceClassifier.trained_embeddings` are set, too, and the
+    :attr:`~SurfaceClassifier.rows` of a network that keeps them.
 
     Args:
         classifier: Trained, on the device that computes the features; left in evaluation mode.
@@ -74,6 +76,8 @@ def keep_statistics(
         statistics = FeatureStatistics.of(features, labels, len(classes))
         classifier.statistics[name] = statistics.to(classifier.device)
         groups = [row.group_key for row in recordings]
+        if classifier.fusion is None and getattr(sense.network, "keep_rows", False):
+            classifier.rows[name] = TrainingRows.of(features, labels, groups)
         novelties[name] = left_out_novelties(features, labels, len(classes), groups)
     return novelties
 

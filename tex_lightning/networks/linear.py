@@ -140,6 +140,8 @@ class LinearNet(nn.Module):
             chooses it.
         shrinkage: How far the scatter of scores within classes is taken for equal in every
             direction: the fewer rows there are for each class, the further.
+        keep_rows: Whether a checkpoint keeps the mean features of the training recordings, from
+            which task=adapt fits the network again.
 
     Example:
         >>> import torch
@@ -168,9 +170,13 @@ class LinearNet(nn.Module):
         shrinkage: Annotated[
             float, "[0, inf)", "how far scatter within classes is taken for equal everywhere"
         ] = 30.0,
+        keep_rows: Annotated[
+            bool, "keep features of the training recordings in the checkpoint, for task=adapt"
+        ] = True,
     ) -> None:
         super().__init__()
         self.classes, self.strength, self.shrinkage = classes, strength, shrinkage
+        self.keep_rows = keep_rows
         self.blocks = [("", bands)] if blocks is None else [(kind, size) for kind, size in blocks]
         self.levels = sum(size for kind, size in self.blocks if kind == WHITENED)
         self.register_buffer("mean", torch.zeros(bands, 1, 1))
