@@ -4,6 +4,7 @@ import torch
 from conftest import make_card, save_classifier
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.classifier.vote import random_tuples
 from tex_lightning.config.instantiation import trust
 from tex_lightning.core.devices import computing_threads
@@ -116,6 +117,22 @@ def test_scores_of_single_senses_add_up_to_those_of_several(three, senses):
     tuples = random_tuples(counts, 200, several.seed(**own(several)))
     expected = sum(each[:, tuples[:, place]] for place, each in enumerate(scores))
     torch.testing.assert_close(several.logits(**own(several)), expected)
+
+
+def test_a_sense_beyond_its_reach_counts_for_less_with_others_and_as_ever_alone(three):
+    expected = {name: three.partial_logits(name, sample()[name]) for name in ("haptic", "sound")}
+    alone = three.with_senses(["haptic"]).logits(**own(three.with_senses(["haptic"])))
+    for name in expected:
+        embedding = three.embedding(name, sample()[name])
+        rows = torch.randn(12, len(embedding), generator=torch.Generator().manual_seed(0))
+        known = FeatureStatistics.of(rows, torch.arange(12) % 3, 3)
+        known.reach.copy_(known.distance(embedding.mean(dim=1)) * (0.5 if name == "haptic" else 2))
+        three.statistics[name] = known
+    found = {name: three.sense_output(name, sample()[name]).partial_logits for name in expected}
+    torch.testing.assert_close(found["haptic"], expected["haptic"] / 4)
+    assert torch.equal(found["sound"], expected["sound"])
+    part = three.with_senses(["haptic"])
+    assert torch.equal(part.logits(**own(part)), alone)
 
 
 def test_a_part_leaves_the_whole_as_it_is(three):

@@ -8,7 +8,7 @@ from scipy.stats import binomtest
 import tex_lightning as tl
 from tex_lightning.classifier.card import novelty_threshold
 from tex_lightning.classifier.statistics import FeatureStatistics
-from tex_lightning.learning.statistics import left_out_novelties
+from tex_lightning.learning.statistics import leave_out_each
 
 
 def traces(kind, numbers):
@@ -32,15 +32,17 @@ def test_recordings_left_out_are_as_novel_as_new_ones():
     labels = torch.arange(60) % 3
     rows, new = (centres[labels] + torch.randn(60, 40) for _ in range(2))
     groups = [str(number) for number in range(60)]
-    found = torch.tensor(left_out_novelties(rows, labels, 3, groups))
+    found = leave_out_each(rows, labels, 3, groups)
     statistics = FeatureStatistics.of(rows, labels, 3)
-    assert found.mean() == pytest.approx(statistics.novelty(new).mean().item(), rel=0.1)
-    assert statistics.novelty(rows).mean() < found.mean()
-    novelties = left_out_novelties(rows[:4], labels[:4], 3, groups[:4])
-    assert [x is None for x in novelties] == [False, True, True, False]  # of two there is but one
-    assert left_out_novelties(rows[:3], labels[:3], 3, groups[:3]) == []
-    alone = left_out_novelties(rows, labels, 3, [str(label) for label in labels.tolist()])
-    torch.testing.assert_close(torch.tensor(alone), found)  # recordings are left out
+    for column, measure in enumerate((statistics.novelty, statistics.distance)):
+        mean = found[:, column].mean()
+        assert mean == pytest.approx(measure(new).mean().item(), rel=0.1)
+        assert measure(rows).mean() < mean
+    some = leave_out_each(rows[:4], labels[:4], 3, groups[:4])[:, 0]
+    assert some.isnan().tolist() == [False, True, True, False]  # of two there is but one
+    assert leave_out_each(rows[:3], labels[:3], 3, groups[:3]).isnan().all()
+    alone = leave_out_each(rows, labels, 3, [str(label) for label in labels.tolist()])
+    torch.testing.assert_close(alone, found)  # recordings are left out
 
 
 def test_as_many_known_recordings_are_rejected_as_asked_where_four_are_tiles_of_a_photo():
@@ -59,7 +61,7 @@ def test_as_many_known_recordings_are_rejected_as_asked_where_four_are_tiles_of_
     rejected = {}
     for name, size in (("tile", 1), ("photo", tiles)):
         groups = [str(number // size) for number in range(len(labels))]
-        known = left_out_novelties(rows, labels, classes, groups)
+        known = leave_out_each(rows, labels, classes, groups)[:, 0].tolist()
         rejected[name] = int((statistics.novelty(new) > novelty_threshold(known, rate)).sum())
     assert rejected["tile"] / len(new) > 0.5
     # of 160 photos, which are what is independent
@@ -79,7 +81,8 @@ def test_strong_noise_in_most_features_does_not_hide_what_is_unknown():
 
     labels = torch.arange(known).repeat(30)
     rows, groups = draw(labels), [str(number) for number in range(len(labels))]
-    threshold = novelty_threshold(left_out_novelties(rows, labels, known, groups), 0.05)
+    novelties = leave_out_each(rows, labels, known, groups)[:, 0].tolist()
+    threshold = novelty_threshold(novelties, 0.05)
     statistics = FeatureStatistics.of(rows, labels, known)
     rejected = statistics.novelty(draw(torch.arange(known).repeat(50))) > threshold
     accepted = statistics.novelty(draw(known + torch.arange(strange).repeat(50))) <= threshold

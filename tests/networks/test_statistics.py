@@ -87,5 +87,18 @@ def test_a_scale_is_the_deviation_within_classes_over_how_much_they_differ():
 def test_statistics_of_earlier_checkpoints_are_read():
     rows, labels, classes = drawn(40, 6)
     state = FeatureStatistics.of(rows, labels, classes).state_dict()
-    del state["scales"]
-    assert FeatureStatistics.from_state(state).scales.tolist() == [1] * 6
+    del state["scales"], state["reach"]
+    found = FeatureStatistics.from_state(state)
+    assert found.scales.tolist() == [1] * 6
+    assert found.reliability(1e6 * rows).tolist() == [1] * len(rows)
+
+
+def test_what_is_beyond_reach_counts_by_the_square_of_its_distance():
+    rows, labels, classes = drawn(40, 6)
+    found = FeatureStatistics.of(rows, labels, classes)
+    closest = torch.cdist(found.whiten(rows), found.whiten(found.means)).amin(dim=1)
+    torch.testing.assert_close(found.distance(rows), closest, rtol=1e-4, atol=1e-4)
+    found.reach.copy_(closest.median())
+    expected = (found.reach / closest).square().clamp(max=1)
+    torch.testing.assert_close(found.reliability(rows), expected, rtol=1e-3, atol=1e-4)
+    assert 0.4 < (expected == 1).float().mean() < 0.6

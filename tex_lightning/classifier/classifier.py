@@ -75,7 +75,9 @@ class Decider(Protocol):
 class SurfaceClassifier(nn.Module):
     """Classify decoded recordings; it is the :class:`Decider` of all fragments.
 
-    A single sense is classified by its class scores; those of several senses add up (FusionNet).
+    A single sense is classified by its class scores; those of several senses add up (FusionNet). Of
+    networks in closed form each sense counts the less, the further its recording lies from all that
+    it was trained on (:meth:`is_weighted`).
 
     Args:
         card: Card of the classifier.
@@ -297,10 +299,19 @@ class SurfaceClassifier(nn.Module):
         """Compute the partial logits of one sense: (classes, positions)."""
         return self._partial_logits(name, self.embedding(name, recording))
 
-    def _partial_logits(self, name: str, features: Tensor) -> Tensor:
-        if self.embedding_layer(name) != self.level(name):
-            features = class_scores(self.senses[name].network, features)
-        return self.project(name, features)
+    def _partial_logits(self, name: str, embedding: Tensor) -> Tensor:
+        scored = self.embedding_layer(name) != self.level(name)
+        features = class_scores(self.senses[name].network, embedding) if scored else embedding
+        partial_logits = self.project(name, features)
+        if not self.is_weighted(name):
+            return partial_logits
+        statistics = cast(FeatureStatistics, self.statistics_of(name))
+        return partial_logits * statistics.reliability(embedding.mean(dim=1))
+
+    def is_weighted(self, name: str) -> bool:
+        """Return whether a sense counts for less where its recording is unlike the training."""
+        statistics = self.statistics_of(name)
+        return self.fusion is not None and statistics is not None and statistics.has_reach
 
     def embedding(self, name: str, recording: Tensor) -> Tensor:
         """Compute the features (D, positions) of one sense that :attr:`statistics` describe.

@@ -14,6 +14,7 @@ MIN_VARIANCE = 1e-8  # of features that never vary
 ROUNDING = 1e-12  # of a feature's mean square: its variance where it never varies
 PRIOR = 3  # recordings, as which the whole variance of a feature counts within classes, too
 MIN_RATIO = 0.1  # of the deviation between classes to that within them
+NO_REACH = 1e12  # a distance that no recording has, and that a checkpoint may hold
 
 
 class FeatureStatistics(nn.Module):
@@ -38,6 +39,8 @@ class FeatureStatistics(nn.Module):
         directions: (rank, D), orthonormal, of the features divided by their scales.
         variances: (rank,) along the directions, above 0.
         rest: () variance along every other direction, above 0.
+        reach: () distance to the closest class up to which recordings are like the training,
+            above 0; :data:`NO_REACH` where it is not known.
         white: (classes, D), the means about their centre, whitened.
 
     Example:
@@ -58,6 +61,7 @@ class FeatureStatistics(nn.Module):
     directions: Tensor
     variances: Tensor
     rest: Tensor
+    reach: Tensor
     white: Tensor
 
     def __init__(self, classes: int, features: int, rank: int) -> None:
@@ -68,6 +72,7 @@ class FeatureStatistics(nn.Module):
         self.register_buffer("directions", torch.zeros(rank, features))
         self.register_buffer("variances", torch.ones(rank))
         self.register_buffer("rest", torch.ones(()))
+        self.register_buffer("reach", torch.tensor(NO_REACH))
         self.register_buffer("white", torch.zeros(classes, features), persistent=False)
 
     @classmethod
@@ -94,7 +99,8 @@ class FeatureStatistics(nn.Module):
     def from_state(cls, state: dict[str, Tensor]) -> Self:
         """Make statistics of the sizes of a stored state, and load it.
 
-        Without ``scales``, as earlier checkpoints have them, all features weigh the same.
+        Without ``scales``, as earlier checkpoints have them, all features weigh the same; without
+        ``reach`` every recording is like the training.
 
         Raises:
             KeyError: If a tensor is missing.
@@ -103,7 +109,8 @@ class FeatureStatistics(nn.Module):
         """
         classes, features = state["means"].shape
         statistics = cls(classes, features, len(state["directions"]))
-        statistics.load_state_dict({"scales": statistics.scales, **state})
+        known = {"scales": statistics.scales, "reach": statistics.reach, **state}
+        statistics.load_state_dict(known)
         means = statistics.means
         statistics.white.copy_(statistics.whiten(means - means.mean(dim=0)))
         return statistics
@@ -153,6 +160,26 @@ class FeatureStatistics(nn.Module):
         lengths = point.norm(dim=-1, keepdim=True) * self.white.norm(dim=-1)
         cosines: Tensor = (point @ self.white.T) / lengths.clamp(min=MIN_VARIANCE)
         return 1 - cosines.amax(dim=-1).clamp(max=1)  # rounding may pass it
+
+    def distance(self, features: Tensor) -> Tensor:
+        """Return the distance of features (..., D) to the closest class, after whitening: (...)."""
+        point = self.whiten(features - self.means.mean(dim=0))
+        distances: Tensor = (point[..., None, :] - self.white).norm(dim=-1).amin(dim=-1)
+        return distances
+
+    @property
+    def has_reach(self) -> bool:
+        """Whether it is known how far recordings like the training lie from their class."""
+        return float(self.reach) < NO_REACH
+
+    def reliability(self, features: Tensor) -> Tensor:
+        """Return how like the training features (..., D) of whole recordings are: (...), 0 to 1.
+
+        It is 1 up to :attr:`reach`, and then falls with the square of the distance: as a Gaussian
+        whose deviation grows until it covers the recording would weigh all differences.
+        """
+        share: Tensor = (self.reach / self.distance(features).clamp(min=MIN_VARIANCE)).square()
+        return share.clamp(max=1)
 
 
 def _scales(rows: Tensor, centred: Tensor, freedom: int) -> Tensor:

@@ -227,8 +227,10 @@ class ClassifierGraph(nn.Module):
         self.fusion: Any = deepcopy(classifier.fusion)
         self.scored = {name: classifier.level(name) != self.levels[name] for name in senses}
         known = {name: classifier.statistics_of(name) for name in senses}
-        told = bool(classifier.card.novelties) and None not in known.values()
-        self.statistics = nn.ModuleDict(deepcopy(known) if told else {})  # type: ignore[arg-type]
+        self.told = bool(classifier.card.novelties) and None not in known.values()
+        self.weighted = {name: classifier.is_weighted(name) for name in senses}
+        kept = {name: x for name, x in known.items() if self.told or self.weighted[name]}
+        self.statistics = nn.ModuleDict(deepcopy(kept))  # type: ignore[arg-type]
 
     def forward(self, **recordings: Tensor) -> dict[str, Tensor]:
         """Classify one sample."""
@@ -241,7 +243,7 @@ class ClassifierGraph(nn.Module):
             rows = embedding.shape[2:-1] or (1,)
             grid = partials[-1].reshape(-1, *rows, embedding.shape[-1])
             outputs[f"{name}_scores"] = grid
-            if name in self.statistics:
+            if self.told:
                 statistics: Any = self.statistics[name]
                 novelties.append(statistics.novelty(positions.mean(dim=1)))
         scores = fused_scores(partials, recordings[DRAWS]) if self.fused else partials[0]
@@ -265,11 +267,14 @@ class ClassifierGraph(nn.Module):
 
     def _partial_logits(self, name: str, place: int, positions: Tensor) -> Tensor:
         """Return scores (classes, positions) of a sense, or what it adds to those of all."""
-        if self.scored[name]:
-            positions = class_scores(self.networks[name], positions)
+        scored = self.scored[name]
+        features = class_scores(self.networks[name], positions) if scored else positions
         if not self.fused:
-            return positions
-        partial_logits: Tensor = self.fusion.project(place, positions[None])[0]
+            return features
+        partial_logits: Tensor = self.fusion.project(place, features[None])[0]
+        if self.weighted[name]:
+            statistics: Any = self.statistics[name]
+            partial_logits = partial_logits * statistics.reliability(positions.mean(dim=1))
         return partial_logits
 
     def name_inputs(self, names: Sequence[str]) -> None:

@@ -103,7 +103,8 @@ class Deciders:
     ) -> None:
         fast, senses = accelerate(classifier, engine), classifier.card.sense_names
         fast.card = fast.card.deciding(decision)
-        if fast.card.unknown_above is None:  # nobody asks how novel a sample is
+        weighted = any(map(fast.is_weighted, senses))
+        if fast.card.unknown_above is None and not weighted:  # nobody asks how novel a sample is
             fast.statistics = nn.ModuleDict()
         subsets = [some for count in range(len(senses)) for some in combinations(senses, count + 1)]
         self.fast = {subset: fast.with_senses(subset) for subset in subsets}

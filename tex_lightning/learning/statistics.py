@@ -27,6 +27,7 @@ from tex_lightning.inference.engine import accelerate
 from tex_lightning.learning.start import FrozenTrunk, fits_probabilities, scores_textures
 
 MAX_FEATURE = 1e18  # whose square is a float32
+REACH = 0.9  # share of left-out recordings that are like the training
 
 
 def keep_statistics(
@@ -36,6 +37,7 @@ def keep_statistics(
     engine: EngineConfig,
     *,
     frozen: bool,
+    closed_form: bool,
 ) -> dict[str, list[float | None]]:
     """Set the :attr:`~SurfaceClassifier.statistics` of every sense of a trained classifier.
 
@@ -49,14 +51,20 @@ def keep_statistics(
         engine: Settings of the accelerated copy that computes the features.
         frozen: Whether nothing but layers in closed form was trained, so that texture features
             are those of any other classifier.
+        closed_form: Whether no layer before the scores has learnt the recordings, not even of the
+            networks that a fusion starts from. Then those that are left out of the statistics in
+            turn are as new ones, and tell the reach, beyond which a sense counts for less in a
+            fusion.
 
     Returns:
-        By sense :func:`left_out_novelties` of its recordings.
+        By sense the novelties of its recordings that :func:`leave_out_each` gives: None of the only
+        recording of a class, and nothing where every class has but one. Nothing at all unless
+        ``closed_form``.
 
     Raises:
         UserError: If features are NaN, or their squares overflow, of weights that are finite.
     """
-    novelties: dict[str, list[float | None]] = {}
+    left_out: dict[str, list[float | None]] = {}
     classes = classifier.card.classes
     fast = accelerate(classifier.eval(), engine)
     for name, sense in classifier.senses.items():
@@ -74,18 +82,20 @@ def keep_statistics(
             )
         classifier.trained_embeddings[name] = recordings, features
         statistics = FeatureStatistics.of(features, labels, len(classes))
-        classifier.statistics[name] = statistics.to(classifier.device)
         groups = [row.group_key for row in recordings]
+        if closed_form:
+            measured = leave_out_each(features, labels, len(classes), groups)
+            left_out[name] = _known(measured[:, 0])
+            if left_out[name]:
+                statistics.reach.copy_(measured[:, 1].nanquantile(REACH))
+        classifier.statistics[name] = statistics.to(classifier.device)
         if classifier.fusion is None and getattr(sense.network, "keep_rows", False):
             classifier.rows[name] = TrainingRows.of(features, labels, groups)
-        novelties[name] = left_out_novelties(features, labels, len(classes), groups)
-    return novelties
+    return left_out
 
 
-def left_out_novelties(
-    features: Tensor, labels: Tensor, classes: int, groups: Sequence[str]
-) -> list[float | None]:
-    """Return the novelty of every training recording by statistics without its part of the groups.
+def leave_out_each(features: Tensor, labels: Tensor, classes: int, groups: Sequence[str]) -> Tensor:
+    """Measure every training recording by statistics without its part of the groups.
 
     Args:
         features: (recordings, D).
@@ -94,15 +104,22 @@ def left_out_novelties(
         groups: Group of each recording.
 
     Returns:
-        None of the only recording of a class; nothing where every class has but one.
+        Novelty and distance (recordings, 2), NaN of what is never left out: the only recording of a
+        class, and all where every class has but one.
     """
     parts = torch.tensor(leave_out(labels.tolist(), groups))
-    novelties = torch.full((len(parts),), torch.nan)
+    measured = torch.full((len(parts), 2), torch.nan)
     for part in set(parts.tolist()) - {-1}:
         out = parts == part
         statistics = FeatureStatistics.of(features[~out], labels[~out], classes)
-        novelties[out] = statistics.novelty(features[out])
-    if not bool((parts >= 0).any()):
+        rows = features[out]
+        measured[out] = torch.stack((statistics.novelty(rows), statistics.distance(rows)), dim=1)
+    return measured
+
+
+def _known(novelties: Tensor) -> list[float | None]:
+    """Return plain numbers, None for NaN; nothing where all are NaN."""
+    if bool(novelties.isnan().all()):
         return []
     return [None if math.isnan(novelty) else novelty for novelty in novelties.tolist()]
 

@@ -207,11 +207,11 @@ class Training:
             return
         classifier, frozen = module.classifier.to(self.device), not module.fit_config["epochs"]
         parts, store, engine = self.parts, self.store, self.config.engine
-        with self._timed():
-            left_out = keep_statistics(classifier, parts.train, store, engine, frozen=frozen)
         fixed = all(start.card.training["left_out"] for start in self.starts.values())
-        if not (frozen and fixed):  # layers before the scores know the recordings
-            left_out = {}
+        with self._timed():
+            left_out = keep_statistics(
+                classifier, parts.train, store, engine, frozen=frozen, closed_form=frozen and fixed
+            )
         for part in classifier.trained_modules():
             layout = torch.contiguous_format
             part.to(memory_format=layout)  # type: ignore[call-overload]  # no stub
