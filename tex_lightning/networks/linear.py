@@ -16,6 +16,13 @@ from torch import Tensor, nn
 
 from tex_lightning.core.groups import PARTS, leave_out, left_out_units
 from tex_lightning.networks.blocks import Head, Level
+from tex_lightning.networks.planes import (
+    DIRECTIONS,
+    ClassPlanes,
+    LineOrPlanes,
+    clearly_better_planes,
+    fit_planes,
+)
 from tex_lightning.networks.ridge import (
     Products,
     Ridge,
@@ -31,6 +38,7 @@ STRENGTH_LIMITS = (1e-6, 1e4)
 TIE = 1.01  # errors within 1 % are equal, and the stronger ridge is taken
 WITHIN = (0.1, 1.0)  # weights of the scatter within recordings, beside none
 OPTIONAL = ("power", "axes")  # kinds of blocks that are left out unless they help
+CURVED = "mean"  # kind of block in which classes can be planes
 WHITENED = "level"  # kind of block whose features vary together, as under another pressure
 MARGIN = 4.0  # over the root of the rows: of few the largest length says little about the next
 MIN_RELIABILITY = 0.05  # of one recording's score
@@ -129,6 +137,11 @@ class LinearNet(nn.Module):
     error on groups of them that are left out of the fit. Groups of features that lie outside of
     everything in training do not count in a recording (:class:`RangeGate`).
 
+    Where strokes drift in speed and force, a class is a surface in the features and no point. A
+    Gaussian of each class that reaches far in two directions, over the fragments of a block of the
+    kind ``mean``, takes the line's place where left-out recordings are clearly told apart better
+    (:mod:`~tex_lightning.networks.planes`).
+
     Args:
         classes: Number of materials.
         bands: Features of a fragment, D.
@@ -184,7 +197,7 @@ class LinearNet(nn.Module):
         self.register_buffer("whitening", torch.eye(self.levels))
         self.head = Head(nn.Sequential(), bands, classes, dropout=0)
         gate = RangeGate(self._gated([-1] * bands if bins is None else bins))
-        self.head.scores = nn.Sequential(gate, self.score_layer)
+        self.head.scores = LineOrPlanes(gate, self.score_layer)
 
     def _gated(self, bins: Sequence[int]) -> Tensor:
         """Return which features (groups, D) are out of range together."""
@@ -258,7 +271,8 @@ class LinearNet(nn.Module):
         ridge = Ridge(rows[some], labels[some], self.classes, within, self.levels)
         choice = self._choose(ridge, parts[some])
         factors = self._factors(ridge, choice, parts[some], units[some])
-        sharpness = self._sharpness(ridge, choice, parts[some], factors)
+        left_out = self._left_out_scores(ridge, choice, parts[some], factors)
+        sharpness = _sharpness(left_out, labels[some], parts[some], SHARPNESS)
         whole = Ridge(rows, labels, self.classes, within, self.levels)
         whitening, weights, bias = self._solve(whole, choice)
         rows = whole.whitened(rows, whitening) / share
@@ -271,6 +285,51 @@ class LinearNet(nn.Module):
         weights, bias = (_enlarged(x, factors * sharpness) for x in (share * weights.T, bias))
         self.score_layer.weight.copy_(weights[:, :, None, None])
         self.score_layer.bias = nn.Parameter(bias.to(self.score_layer.weight))
+        left_out = left_out if len(rows) == len(inputs) and usual >= 2 else left_out[:0]
+        self._fit_planes(inputs, labels, parts, units, left_out)
+
+    def _fit_planes(
+        self, inputs: Sequence[Tensor], labels: Tensor, parts: Tensor, units: Tensor, rival: Tensor
+    ) -> None:
+        """Fit planes of the classes in one of the blocks of means, if they clearly beat the line.
+
+        Args:
+            inputs: Features (1, D, L) of each recording.
+            labels: (recordings,) class indices.
+            parts: (recordings,) part in which each is left out; -1 for none.
+            units: (recordings,) number of what each is left out with.
+            rival: The line's scores of some of the recordings when they were left out; of none where
+                fragments are no parts of recordings.
+        """
+        planes: ClassPlanes = self.head.scores.planes  # type: ignore[assignment]
+        planes.take(None)
+        if not len(rival):
+            return
+        mean, scale = (x.double().cpu()[:, :, 0] for x in (self.mean, self.scale))
+        ends = self.sizes.cumsum(dim=0).tolist()
+        spans = [
+            slice(end - size, end)
+            for end, (kind, size) in zip(ends, self.blocks, strict=True)
+            if kind == CURVED and size > DIRECTIONS and scale[end - size : end].any()
+        ]
+        some = slice(None, None, math.ceil(len(labels) / len(rival)))
+
+        def cut(span: slice, some: slice) -> list[Tensor]:
+            return [
+                ((x[0, span].double().cpu() - mean[span]) * scale[span]).T for x in inputs[some]
+            ]
+
+        chosen = clearly_better_planes(
+            (cut(span, some) for span in spans), labels[some], parts[some], units[some], rival
+        )
+        if chosen is not None:
+            number, scores = chosen
+            sharpness = _sharpness(scores, labels[some], parts[some], 1 / SHARPNESS)
+            every = cut(spans[number], slice(None))
+            fitted = fit_planes(every, labels, self.classes)
+            wide = torch.zeros(len(fitted.projection), len(scale)).double()
+            wide[:, spans[number]] = fitted.projection
+            planes.take(fitted._replace(projection=wide), sharpness)
 
     def _choose(self, ridge: Ridge, parts: Tensor) -> Choice:
         """Choose the settings with the smallest error on the parts that are left out.
@@ -356,13 +415,13 @@ class LinearNet(nn.Module):
         coefficients, intercept = self._discriminants(scores[rest], ridge.labels[rest])
         return _enlarged((scores @ coefficients + intercept).T, factors).T
 
-    def _sharpness(self, ridge: Ridge, choice: Choice, parts: Tensor, factors: Tensor) -> float:
-        """Return the scale under which scores of left-out rows are as confident as correct."""
-        left_out = _left_out(
+    def _left_out_scores(
+        self, ridge: Ridge, choice: Choice, parts: Tensor, factors: Tensor
+    ) -> Tensor:
+        """Return the final scores (rows, classes) of each row by a fit without its part."""
+        return _left_out(
             lambda rest: self._scores(ridge, choice, rest, factors), parts, self.classes
-        )[parts >= 0]
-        scores = [*(SHARPNESS * left_out[:, :, None])]
-        return SHARPNESS / fit_temperature(scores, ridge.labels[parts >= 0].tolist())
+        )
 
     def _solve(self, ridge: Ridge, choice: Choice) -> tuple[Tensor, Tensor, Tensor]:
         """Return whitening, weights (D, classes) and bias (classes,) of the fit to all rows."""
@@ -433,6 +492,19 @@ def _left_out(scores: Callable[[Tensor], Tensor], parts: Tensor, classes: int) -
         out = parts == part
         left_out[out] = scores(~out)[out]
     return left_out
+
+
+def _sharpness(left_out: Tensor, labels: Tensor, parts: Tensor, about: float) -> float:
+    """Return the scale under which left-out scores (rows, classes) are as confident as correct.
+
+    Args:
+        left_out: Scores of each row by a fit without its part.
+        labels: (rows,) class indices.
+        parts: (rows,) part in which each row is left out; -1 for none.
+        about: A tenth to ten times of which it is.
+    """
+    scores = [*(about * left_out[parts >= 0][:, :, None])]
+    return about / fit_temperature(scores, labels[parts >= 0].tolist())
 
 
 def _share(scores: Tensor, label: int) -> float:

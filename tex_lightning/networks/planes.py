@@ -1,0 +1,223 @@
+"""Class scores of fragments whose classes are planes: what a material does as conditions change.
+
+With speed and force the spectrum of a texture moves, and each texture's in directions of its own.
+A line between classes knows none of that; a Gaussian for each class that is long in a few
+directions does: probabilistic principal components of each class (Tipping and Bishop 1999).
+"""
+
+import itertools
+import math
+from collections import OrderedDict
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple, cast
+
+import torch
+from torch import Tensor, nn
+
+DIRECTIONS = 2  # in which a class reaches far: a stroke varies in speed and force
+POOLED = 12.0  # fragments that the scatter of all classes together counts for, in each of them
+LARGEST = 48  # directions of the features that are used
+MIN_VARIANCE = 1e-3  # between neighbouring fragments, as a share of the mean over the features
+CLEARLY = 3.0  # standard errors of how many more recordings are right
+MIN_UNITS = 4  # of the usual class, that were left out apart
+
+
+class Fitted(NamedTuple):
+    """Gaussians of the classes, after a projection to d directions.
+
+    Attributes:
+        projection: (d, D), after which neighbouring fragments scatter alike in every direction.
+        centre: (d, 1), projected mean that is taken off.
+        means: (classes, d).
+        directions: (classes, DIRECTIONS, d) in which each class reaches far, orthonormal.
+        narrow: (classes, DIRECTIONS), precision along them less that along the others.
+        precision: (classes,), along all others.
+        offset: (classes,), of the logarithm of the density.
+    """
+
+    projection: Tensor
+    centre: Tensor
+    means: Tensor
+    directions: Tensor
+    narrow: Tensor
+    precision: Tensor
+    offset: Tensor
+
+    def scores(self, x: Tensor) -> Tensor:
+        """Map features (..., D, L) to logarithms of densities (..., classes, L)."""
+        z = self.projection @ x - self.centre
+        far = z.square().sum(dim=-2, keepdim=True) - 2 * (self.means @ z)
+        far = far + self.means.square().sum(dim=1)[:, None]
+        along = self.directions * self.narrow.abs().sqrt()[:, :, None]  # narrow is never above 0
+        places = (along * self.means[:, None]).sum(dim=2)[:, :, None]
+        steps = [(along[:, k] @ z - places[:, k]).square() for k in range(along.shape[1])]
+        far = self.precision[:, None] * far - torch.stack(steps).sum(dim=0)
+        return self.offset[:, None] - far / 2
+
+
+class ClassPlanes(nn.Module):
+    """Score fragments by the logarithm of each class's density, once it was found to be better.
+
+    Until then it is empty, takes no room in a checkpoint, and is not used.
+
+    Args:
+        classes: Number of classes.
+    """
+
+    def __init__(self, classes: int) -> None:
+        super().__init__()
+        self.classes = classes
+        for name in Fitted._fields:
+            self.register_buffer(name, torch.zeros(0))
+
+    @property
+    def in_use(self) -> bool:
+        """Whether the classes were fitted."""
+        return bool(self.get_buffer("means").numel())
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Map features (B, D, M, N) to class scores before softmax (B, classes, M, N)."""
+        fitted = Fitted(*map(self.get_buffer, Fitted._fields))
+        scores = fitted.scores(x.flatten(2))
+        return scores.reshape(*scores.shape[:2], *x.shape[2:])
+
+    def take(self, fitted: Fitted | None, sharpness: float = 1.0) -> None:
+        """Use these classes, their scores times ``sharpness``; None uses none."""
+        like = self.get_buffer("means")
+        values = fitted or Fitted(*[torch.zeros(0)] * len(Fitted._fields))
+        for name, value in values._asdict().items():
+            factor = sharpness if name in ("narrow", "precision", "offset") else 1.0
+            setattr(self, name, (factor * value).to(like))
+
+    def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *rest: Any) -> None:  # noqa: ANN401
+        """Take the sizes of what is loaded; checkpoints of before have none."""
+        given = [state.setdefault(prefix + name, torch.zeros(0)) for name in Fitted._fields]
+        if given[2].numel() and len(given[2]) != self.classes:
+            rest[-1].append(f"{prefix}means are of {len(given[2])} classes, not {self.classes}.")
+            return
+        for name, value in zip(Fitted._fields, given, strict=True):
+            setattr(self, name, torch.zeros_like(value, device=self.get_buffer(name).device))
+        super()._load_from_state_dict(state, prefix, *rest)
+
+
+def fit_planes(fragments: Sequence[Tensor], labels: Tensor, classes: int) -> Fitted:
+    """Fit the Gaussian of every class to the fragments of its recordings.
+
+    Where a class has few fragments, its scatter is that of all classes together.
+
+    Args:
+        fragments: (L, D) float64 of each recording, of two fragments and more at least once.
+        labels: (recordings,) class indices.
+        classes: Number of classes.
+    """
+    counts = torch.tensor([len(x) for x in fragments])
+    labels, rows = labels.repeat_interleave(counts), torch.cat([*fragments])
+    projection = _projection(fragments, rows)
+    centre = projection @ rows.mean(dim=0)
+    rows = rows @ projection.T - centre
+    members = nn.functional.one_hot(labels, classes).double()
+    number = members.sum(dim=0)
+    means = members.T @ rows / number.clamp_min(1)[:, None]
+    apart = rows - means[labels]
+    pooled = apart.T @ apart / max(1, len(rows) - classes)
+    own = torch.stack(
+        [apart[labels == label].T @ apart[labels == label] for label in range(classes)]
+    )
+    scatter = (own + POOLED * pooled) / (number + POOLED)[:, None, None]
+    variances, vectors = torch.linalg.eigh(scatter)
+    taken = min(DIRECTIONS, len(projection) - 1)
+    rest, far = variances.tensor_split([len(projection) - taken], dim=1)
+    usual = rest.mean(dim=1)
+    offset = -(far.log().sum(dim=1) + rest.shape[1] * usual.log()) / 2
+    directions = vectors[:, :, len(projection) - taken :].transpose(1, 2)
+    narrow = 1 / far - 1 / usual[:, None]
+    return Fitted(projection, centre[:, None], means, directions, narrow, 1 / usual, offset)
+
+
+def _projection(fragments: Sequence[Tensor], rows: Tensor) -> Tensor:
+    """Return the largest directions (d, D) of rows in units of the scatter between neighbours."""
+    steps = torch.cat([x.diff(dim=0) for x in fragments])
+    noise = steps.T @ steps / (2 * max(1, len(steps)))
+    least = MIN_VARIANCE * noise.diagonal().mean().clamp_min(torch.finfo(rows.dtype).tiny)
+    variances, directions = torch.linalg.eigh(noise + least * torch.eye(len(noise)).double())
+    white = directions * variances.rsqrt()
+    if len(white) <= LARGEST:
+        return cast(Tensor, white.T)
+    _, main = torch.linalg.eigh(((rows - rows.mean(dim=0)) @ white).T.cov())
+    return cast(Tensor, (white @ main[:, -LARGEST:]).T)
+
+
+def left_out_planes(
+    fragments: Sequence[Tensor], labels: Tensor, parts: Tensor, classes: int
+) -> Tensor:
+    """Return mean scores (recordings, classes) by a fit without each one's part, else 0.
+
+    Args:
+        fragments: (L, D) float64 of each recording.
+        labels: (recordings,) class indices.
+        parts: (recordings,) part in which each is left out; -1 for none.
+        classes: Number of classes.
+    """
+    scores = torch.zeros(len(labels), classes).double()
+    for part in {*parts[parts >= 0].tolist()}:
+        rest, out = parts != part, (parts == part).nonzero()[:, 0].tolist()
+        fitted = fit_planes([*itertools.compress(fragments, rest.tolist())], labels[rest], classes)
+        for number in out:
+            scores[number] = fitted.scores(fragments[number].T).mean(dim=1)
+    return scores
+
+
+def clearly_better_planes(
+    choices: Iterable[Sequence[Tensor]], labels: Tensor, parts: Tensor, units: Tensor, rival: Tensor
+) -> tuple[int, Tensor] | None:
+    """Return which features have the best planes, and their scores, if they clearly beat a rival.
+
+    Recordings are left out of the fit, of the rival's likewise. Where classes have few of them,
+    what is left out is like what is fitted to, and tells nothing of how far a class reaches.
+
+    Args:
+        choices: For each choice of features, (L, D) float64 of each recording.
+        labels: (recordings,) class indices.
+        parts: (recordings,) part in which each is left out; -1 for none.
+        units: (recordings,) number of what each is left out with.
+        rival: Scores (recordings, classes).
+
+    Returns:
+        Number of the choice, and mean scores (recordings, classes); None if the rival is as good.
+    """
+    classes, some = rival.shape[1], parts >= 0
+    known = {*zip(labels.tolist(), units.tolist(), strict=True)}
+    members = torch.tensor([label for label, _ in known]).bincount(minlength=classes)
+    ideal = nn.functional.one_hot(labels, classes)
+    if members.median() < MIN_UNITS or not _gain(ideal, rival, labels, some) > CLEARLY:
+        return None
+    tried = [left_out_planes(fragments, labels, parts, classes) for fragments in choices]
+    gains = [_gain(scores, rival, labels, some) for scores in tried]
+    best = max(range(len(tried)), key=gains.__getitem__, default=None)
+    return None if best is None or gains[best] <= CLEARLY else (best, tried[best])
+
+
+def _gain(scores: Tensor, others: Tensor, labels: Tensor, some: Tensor) -> float:
+    """Return how many more rows are right by scores than by others, in standard errors."""
+    right, other = (x.argmax(dim=1)[some] == labels[some] for x in (scores, others))
+    gained, lost = int((right & ~other).sum()), int((other & ~right).sum())
+    return (gained - lost) / math.sqrt(max(1, gained + lost))
+
+
+class LineOrPlanes(nn.Sequential):
+    """Class scores of features that passed a gate: by a linear layer, or by planes where better.
+
+    Args:
+        gate: Takes features out that are out of range.
+        layer: Linear scores; the last part, which other classes are added to.
+    """
+
+    def __init__(self, gate: nn.Module, layer: nn.Conv2d) -> None:
+        planes = ClassPlanes(layer.out_channels)
+        super().__init__(OrderedDict([("0", gate), ("planes", planes), ("1", layer)]))
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Map features (B, D, M, N) to class scores before softmax (B, classes, M, N)."""
+        gate, planes, layer = self
+        scores: Tensor = (planes if cast(ClassPlanes, planes).in_use else layer)(gate(x))
+        return scores
