@@ -94,6 +94,21 @@ def test_a_checkpoint_rebuilds_it(tmp_path, kind, level):
     assert not again.training
 
 
+def test_a_checkpoint_of_earlier_statistics_is_read(tmp_path):
+    model = classifier("fusion")
+    rows = torch.randn(12, len(model.embedding("haptic", trace())))
+    model.statistics["haptic"] = FeatureStatistics.of(rows, torch.arange(12) % 3, 3)
+    model.save(path := tmp_path / "m.ckpt")
+    content = torch.load(path, weights_only=True)
+    later = [key for key in content["state_dict"] if key.endswith((".scales", ".reach"))]
+    for key in later:
+        del content["state_dict"][key]
+    torch.save(content, path)
+    found = SurfaceClassifier.from_checkpoint(path)
+    assert len(later) == 2 and not found.is_weighted("haptic")
+    assert found.statistics["haptic"].scales.unique().tolist() == [1]
+
+
 @pytest.fixture
 def three() -> SurfaceClassifier:
     """A FusionNet of three senses with a bias that is not 0."""

@@ -182,7 +182,9 @@ class SurfaceClassifier(nn.Module):
             state = own_state(stored)
             classifier.expect(state)
             check_numbers(state)
-            classifier.load_state_dict(state)
+            known = classifier.state_dict()  # statistics have what earlier checkpoints lack
+            completed = {name: x for name, x in known.items() if name.startswith(STATISTICS)}
+            classifier.load_state_dict(completed | state)
         return classifier.eval()
 
     def save(self, path: Path) -> None:

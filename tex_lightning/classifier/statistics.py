@@ -14,7 +14,7 @@ MIN_VARIANCE = 1e-8  # of features that never vary
 ROUNDING = 1e-12  # of a feature's mean square: its variance where it never varies
 PRIOR = 3  # recordings, as which the whole variance of a feature counts within classes, too
 MIN_RATIO = 0.1  # of the deviation between classes to that within them
-NO_REACH = 1e12  # a distance that no recording has, and that a checkpoint may hold
+NO_REACH = 2.0**40  # a distance that no recording has, and float32 and checkpoints can hold
 
 
 class FeatureStatistics(nn.Module):
