@@ -298,8 +298,8 @@ class LinearNet(nn.Module):
             labels: (recordings,) class indices.
             parts: (recordings,) part in which each is left out; -1 for none.
             units: (recordings,) number of what each is left out with.
-            rival: The line's scores of some of the recordings when they were left out; of none where
-                fragments are no parts of recordings.
+            rival: The line's scores of some of the recordings when they were left out; of none
+                where fragments are no parts of recordings.
         """
         planes: ClassPlanes = self.head.scores.planes  # type: ignore[assignment]
         planes.take(None)
