@@ -15,8 +15,8 @@ from tex_lightning.config import flatten
 from tex_lightning.core.console import console
 
 FOREMOST = "ratio"
-LONG = ("accuracy", "adaptation", "digests", "faults", "hostile", "mutants", "mutations",
-        "shapes", "unknown")  # by name  # fmt: skip
+LONG = ("accuracy", "adaptation", "digests", "drifting", "faults", "hostile", "mutants",
+        "mutations", "shapes", "shifts", "unknown")  # by name  # fmt: skip
 
 
 def names() -> list[str]:

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import welch
 from scipy.stats import multinomial
 
 from benchmarks import __main__ as runner
-from benchmarks import _peers, accuracy, shapes
+from benchmarks import _peers, accuracy, drifting, shapes, shifts
 from benchmarks._changes import Item, apply
 from benchmarks._field import spread
 from benchmarks._paired import Cell, compare, paired_interval, to_table
@@ -297,3 +298,25 @@ def test_intervals_of_paired_differences_hold_their_level(lost, gained):
 def test_help_says_what_a_benchmark_does(capsys):
     assert runner.main(["accuracy", "--help"]) == 0
     assert "--only" in capsys.readouterr().out
+
+
+def test_a_turned_signal_keeps_its_length_and_a_fast_clock_its_seconds():
+    signal = np.stack([np.sin(np.arange(400) / 20), np.cos(np.arange(400) / 20), np.ones(400)])
+    turned = shifts.turned(signal, 30, 1)
+    np.testing.assert_allclose(np.linalg.norm(turned, axis=0), np.linalg.norm(signal, axis=0))
+    cosines = (turned * signal).sum(axis=0) / (signal**2).sum(axis=0)
+    assert math.cos(math.radians(30)) - 1e-9 <= cosines.min() < 0.999
+    faster = shifts.clocked(signal, 1.05)
+    assert faster.shape == (3, 419)
+    np.testing.assert_allclose(faster[0], np.sin(np.arange(419) / 21), atol=1e-3)
+
+
+def test_spectra_of_drifting_textures_are_those_of_their_strokes():
+    textures, rng = drifting.Textures(2), np.random.default_rng(0)
+    slow = (0.5, 0.5 + 1e-9)
+    strokes = [textures.stroke(1, rng, slow) for _ in range(20)]
+    _, powers = zip(*(welch(x, drifting.RATE, nperseg=64) for x in strokes), strict=True)
+    conditions = np.array([[math.log(0.5), force] for force in np.linspace(-0.9, 0.9, 20)])
+    expected = textures.spectra(1, conditions).mean(axis=0)
+    shape = np.log(np.mean(powers, axis=0))[2:-2] - expected[2:-2]
+    assert np.std(shape) < 0.35 < np.std(expected)
