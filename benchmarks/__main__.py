@@ -15,7 +15,7 @@ from tex_lightning.config import flatten
 from tex_lightning.core.console import console
 
 FOREMOST = "ratio"
-LONG = ("accuracy", "adaptation", "digests", "drifting", "faults", "hostile", "mutants",
+LONG = ("accuracy", "adaptation", "digests", "drifting", "faults", "fusion", "hostile", "mutants",
         "mutations", "shapes", "shifts", "unknown")  # by name  # fmt: skip
 
 

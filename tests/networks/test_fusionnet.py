@@ -6,6 +6,7 @@ from conftest import visualnet
 
 from tex_lightning.networks import FusionNet, HapticNet
 from tex_lightning.networks.blocks import score_layer_of
+from tex_lightning.networks.fusionnet import bounded
 
 CLASSES = 5
 
@@ -111,3 +112,15 @@ def test_a_score_layer_of_another_form_is_fused_on_the_scores(layer):
     assert score_layer_of(own) is None
     own.score_layer = torch.nn.Conv1d(2, CLASSES, 1)
     assert score_layer_of(own) is own.score_layer
+
+
+def test_a_sense_outvotes_none_that_errs_less():
+    sure, erring = torch.tensor([[9.0, 11.0], [0.0, 0.0], [0.0, 0.0]]), torch.tensor(0.1)
+    found = bounded(sure, erring)
+    torch.testing.assert_close(found.diff(dim=1), sure.diff(dim=1))
+    probabilities = found.mean(dim=1).softmax(dim=0)
+    torch.testing.assert_close(
+        probabilities, torch.tensor([0.9, 0, 0]) + 0.1 / 3, atol=1e-3, rtol=0
+    )
+    other = bounded(sure.roll(1, dims=0), torch.tensor(0.05))
+    assert (found + other).mean(dim=1).argmax() == 1

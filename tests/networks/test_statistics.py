@@ -87,7 +87,7 @@ def test_a_scale_is_the_deviation_within_classes_over_how_much_they_differ():
 def test_statistics_of_earlier_checkpoints_are_read():
     rows, labels, classes = drawn(40, 6)
     state = FeatureStatistics.of(rows, labels, classes).state_dict()
-    del state["scales"], state["reach"]
+    del state["scales"], state["reach"], state["error"]
     found = FeatureStatistics.from_state(state)
     assert found.scales.tolist() == [1] * 6
     assert found.reliability(1e6 * rows).tolist() == [1] * len(rows)
@@ -97,7 +97,7 @@ def test_what_is_beyond_reach_counts_by_the_square_of_its_distance():
     rows, labels, classes = drawn(40, 6)
     found = FeatureStatistics.of(rows, labels, classes)
     closest = torch.cdist(found.whiten(rows), found.whiten(found.means)).amin(dim=1)
-    torch.testing.assert_close(found.distance(rows), closest, rtol=1e-4, atol=1e-4)
+    torch.testing.assert_close(found.distances(rows).amin(dim=1), closest, rtol=1e-4, atol=1e-4)
     found.reach.copy_(closest.median())
     expected = (found.reach / closest).square().clamp(max=1)
     torch.testing.assert_close(found.reliability(rows), expected, rtol=1e-3, atol=1e-4)

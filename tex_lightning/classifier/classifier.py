@@ -30,7 +30,7 @@ from tex_lightning.networks.blocks import (
     score_layer_of,
     shared_copy,
 )
-from tex_lightning.networks.fusionnet import FusionLayer
+from tex_lightning.networks.fusionnet import FusionLayer, bounded
 from tex_lightning.senses.base import Sense, content, make_sense
 from tex_lightning_runtime.samples import content_seed
 
@@ -308,10 +308,11 @@ class SurfaceClassifier(nn.Module):
         if not self.is_weighted(name):
             return partial_logits
         statistics = cast(FeatureStatistics, self.statistics_of(name))
-        return partial_logits * statistics.reliability(embedding.mean(dim=1))
+        share = statistics.reliability(embedding.mean(dim=1))
+        return share * bounded(partial_logits, statistics.error)
 
     def is_weighted(self, name: str) -> bool:
-        """Return whether a sense counts for less where its recording is unlike the training."""
+        """Return whether a sense counts as far as its recordings are known to be reliable."""
         statistics = self.statistics_of(name)
         return self.fusion is not None and statistics is not None and statistics.has_reach
 

@@ -41,6 +41,7 @@ class FeatureStatistics(nn.Module):
         rest: () variance along every other direction, above 0.
         reach: () distance to the closest class up to which recordings are like the training,
             above 0; :data:`NO_REACH` where it is not known.
+        error: () share of recordings like the training that are taken for another class, 0 to 1.
         white: (classes, D), the means about their centre, whitened.
 
     Example:
@@ -62,6 +63,7 @@ class FeatureStatistics(nn.Module):
     variances: Tensor
     rest: Tensor
     reach: Tensor
+    error: Tensor
     white: Tensor
 
     def __init__(self, classes: int, features: int, rank: int) -> None:
@@ -73,6 +75,7 @@ class FeatureStatistics(nn.Module):
         self.register_buffer("variances", torch.ones(rank))
         self.register_buffer("rest", torch.ones(()))
         self.register_buffer("reach", torch.tensor(NO_REACH))
+        self.register_buffer("error", torch.zeros(()))
         self.register_buffer("white", torch.zeros(classes, features), persistent=False)
 
     @classmethod
@@ -109,8 +112,8 @@ class FeatureStatistics(nn.Module):
         """
         classes, features = state["means"].shape
         statistics = cls(classes, features, len(state["directions"]))
-        known = {"scales": statistics.scales, "reach": statistics.reach, **state}
-        statistics.load_state_dict(known)
+        later = {name: getattr(statistics, name) for name in ("scales", "reach", "error")}
+        statistics.load_state_dict({**later, **state})
         means = statistics.means
         statistics.white.copy_(statistics.whiten(means - means.mean(dim=0)))
         return statistics
@@ -161,10 +164,10 @@ class FeatureStatistics(nn.Module):
         cosines: Tensor = (point @ self.white.T) / lengths.clamp(min=MIN_VARIANCE)
         return 1 - cosines.amax(dim=-1).clamp(max=1)  # rounding may pass it
 
-    def distance(self, features: Tensor) -> Tensor:
-        """Return the distance of features (..., D) to the closest class, after whitening: (...)."""
+    def distances(self, features: Tensor) -> Tensor:
+        """Return the distances of features (..., D) to all classes, whitened: (..., classes)."""
         point = self.whiten(features - self.means.mean(dim=0))
-        distances: Tensor = (point[..., None, :] - self.white).norm(dim=-1).amin(dim=-1)
+        distances: Tensor = (point[..., None, :] - self.white).norm(dim=-1)
         return distances
 
     @property
@@ -178,7 +181,8 @@ class FeatureStatistics(nn.Module):
         It is 1 up to :attr:`reach`, and then falls with the square of the distance: as a Gaussian
         whose deviation grows until it covers the recording would weigh all differences.
         """
-        share: Tensor = (self.reach / self.distance(features).clamp(min=MIN_VARIANCE)).square()
+        distance = self.distances(features).amin(dim=-1).clamp(min=MIN_VARIANCE)
+        share: Tensor = (self.reach / distance).square()
         return share.clamp(max=1)
 
 

@@ -21,6 +21,7 @@ from tex_lightning.export.signals import SpectrogramGraph, promise, signal_graph
 from tex_lightning.inference.engine import rewritten
 from tex_lightning.networks.blocks import Level, independent_copy
 from tex_lightning.networks.folding import fold_batch_norm
+from tex_lightning.networks.fusionnet import bounded
 from tex_lightning.senses.base import Sense
 
 LOWEST = torch.finfo(torch.float32).min
@@ -274,7 +275,8 @@ class ClassifierGraph(nn.Module):
         partial_logits: Tensor = self.fusion.project(place, features[None])[0]
         if self.weighted[name]:
             statistics: Any = self.statistics[name]
-            partial_logits = partial_logits * statistics.reliability(positions.mean(dim=1))
+            share = statistics.reliability(positions.mean(dim=1))
+            partial_logits = share * bounded(partial_logits, statistics.error)
         return partial_logits
 
     def name_inputs(self, names: Sequence[str]) -> None:

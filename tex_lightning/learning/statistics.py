@@ -54,7 +54,7 @@ def keep_statistics(
         closed_form: Whether no layer before the scores has learnt the recordings, not even of the
             networks that a fusion starts from. Then those that are left out of the statistics in
             turn are as new ones, and tell the reach, beyond which a sense counts for less in a
-            fusion.
+            fusion, and the error, which bounds its say.
 
     Returns:
         By sense the novelties of its recordings that :func:`leave_out_each` gives: None of the only
@@ -88,6 +88,7 @@ def keep_statistics(
             left_out[name] = _known(measured[:, 0])
             if left_out[name]:
                 statistics.reach.copy_(measured[:, 1].nanquantile(REACH))
+                statistics.error.copy_(_error_rate(measured[:, 2]))
         classifier.statistics[name] = statistics.to(classifier.device)
         if classifier.fusion is None and getattr(sense.network, "keep_rows", False):
             classifier.rows[name] = TrainingRows.of(features, labels, groups)
@@ -104,17 +105,28 @@ def leave_out_each(features: Tensor, labels: Tensor, classes: int, groups: Seque
         groups: Group of each recording.
 
     Returns:
-        Novelty and distance (recordings, 2), NaN of what is never left out: the only recording of a
-        class, and all where every class has but one.
+        Novelty, distance to the closest class, and 1 if that is another one, else 0: (recordings,
+        3). They are NaN of what is never left out: the only recording of a class, and all where
+        every class has but one.
     """
     parts = torch.tensor(leave_out(labels.tolist(), groups))
-    measured = torch.full((len(parts), 2), torch.nan)
+    measured = torch.full((len(parts), 3), torch.nan)
     for part in set(parts.tolist()) - {-1}:
         out = parts == part
         statistics = FeatureStatistics.of(features[~out], labels[~out], classes)
-        rows = features[out]
-        measured[out] = torch.stack((statistics.novelty(rows), statistics.distance(rows)), dim=1)
+        distance, closest = statistics.distances(features[out]).min(dim=1)
+        errs = (closest != labels[out]).to(distance)
+        measured[out] = torch.stack((statistics.novelty(features[out]), distance, errs), dim=1)
     return measured
+
+
+def _error_rate(errs: Tensor) -> Tensor:
+    """Return half of the rate of errors, which are 1, among 0 and NaN, by Laplace's rule.
+
+    Half, since a recording that is mistaken tells less of its class than others, but not nothing.
+    """
+    count = (~errs.isnan()).sum()
+    return (errs.nansum() + 1) / (count + 2) / 2
 
 
 def _known(novelties: Tensor) -> list[float | None]:

@@ -107,6 +107,18 @@ class FusionLayer(nn.Module):
         self.head.bias.copy_(bias)
 
 
+def bounded(partial_logits: Tensor, error: Tensor) -> Tensor:
+    """Bound what the partial logits (classes, positions) of a sense can decide by its error.
+
+    Their mean becomes the logarithm of its probabilities, a share ``error`` of which is spread over
+    all classes. So a sense that is sure outvotes no other that errs less, and the positions differ
+    as before.
+    """
+    mean = partial_logits.mean(dim=1, keepdim=True)
+    probabilities = (1 - error) * mean.softmax(dim=0) + error / len(partial_logits)
+    return partial_logits - mean + probabilities.log()
+
+
 class FusionNet(FusionLayer):
     """Classify tuples of positions, one of each sense: the networks and their fusion layer.
 
