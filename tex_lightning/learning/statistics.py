@@ -5,7 +5,7 @@ thresholds, and the novelties that set ``decision.unknown``.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import Any, cast
 
 import torch
@@ -81,21 +81,37 @@ def keep_statistics(
                 f"square; lower model.{name}.fit.learning_rate or weight_decay of its optimizer."
             )
         classifier.trained_embeddings[name] = recordings, features
-        statistics = FeatureStatistics.of(features, labels, len(classes))
         groups = [row.group_key for row in recordings]
         if closed_form:
-            measured = leave_out_each(features, labels, len(classes), groups)
-            left_out[name] = _known(measured[:, 0])
-            if left_out[name]:
-                statistics.reach.copy_(measured[:, 1].nanquantile(REACH))
-                statistics.error.copy_(_error_rate(measured[:, 2]))
+            statistics, left_out[name] = statistics_with_reach(
+                features, labels, len(classes), groups
+            )
+        else:
+            statistics = FeatureStatistics.of(features, labels, len(classes))
         classifier.statistics[name] = statistics.to(classifier.device)
         if classifier.fusion is None and getattr(sense.network, "keep_rows", False):
             classifier.rows[name] = TrainingRows.of(features, labels, groups)
     return left_out
 
 
-def leave_out_each(features: Tensor, labels: Tensor, classes: int, groups: Sequence[str]) -> Tensor:
+def statistics_with_reach(
+    features: Tensor, labels: Tensor, classes: int, groups: Sequence[Hashable]
+) -> tuple[FeatureStatistics, list[float | None]]:
+    """Return statistics with reach and error, and novelties, of recordings left out in turn.
+
+    Arguments are those of :func:`leave_out_each`; novelties are those of :func:`keep_statistics`.
+    """
+    statistics = FeatureStatistics.of(features, labels, classes)
+    measured = leave_out_each(features, labels, classes, groups)
+    if novelties := _known(measured[:, 0]):
+        statistics.reach.copy_(measured[:, 1].nanquantile(REACH))
+        statistics.error.copy_(_error_rate(measured[:, 2]))
+    return statistics, novelties
+
+
+def leave_out_each(
+    features: Tensor, labels: Tensor, classes: int, groups: Sequence[Hashable]
+) -> Tensor:
     """Measure every training recording by statistics without its part of the groups.
 
     Args:

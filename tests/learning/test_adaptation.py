@@ -1,0 +1,154 @@
+"""Networks that are fitted again with unlabelled recordings, and when they are left alone."""
+
+from copy import deepcopy
+
+import numpy as np
+import pytest
+import torch
+from conftest import make_card
+from torch import nn
+
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.statistics import FeatureStatistics
+from tex_lightning.classifier.training_rows import TrainingRows
+from tex_lightning.errors import UserError
+from tex_lightning.learning.adaptation import adapt
+from tex_lightning.networks.linear import LinearNet
+from tex_lightning.networks.planes import fit_planes
+
+CLASSES, BANDS, LEVELS = 8, 40, 4
+EVERY = range(CLASSES)
+
+
+def recordings(counts: dict[int, int], seed: int = 0) -> tuple[list[torch.Tensor], np.ndarray]:
+    """Features (D, 3) of recordings of classes, and their labels; class 8 is unknown.
+
+    They scatter along some directions, of which one recording of each class tells nothing.
+    """
+    rng = np.random.default_rng(5)
+    centres = rng.standard_normal((CLASSES + 1, BANDS))
+    scatter = 0.3 * rng.standard_normal((6, BANDS))
+    rng = np.random.default_rng([seed, 1])
+    labels = np.repeat(np.array([*counts], int), [*counts.values()])
+    rows = centres[labels] + rng.standard_normal((len(labels), 6)) @ scatter
+    rows = rows[:, :, None] + 0.3 * rng.standard_normal((len(labels), BANDS, 3))
+    return [*torch.from_numpy(rows).float()], labels
+
+
+@pytest.fixture(scope="module")
+def classifier() -> SurfaceClassifier:
+    """Of a network that was fitted to one recording of each class."""
+    inputs, numbers = recordings(dict.fromkeys(EVERY, 1), seed=9)
+    blocks = [("shape", BANDS - LEVELS), ("level", LEVELS)]
+    network = LinearNet(CLASSES, bands=BANDS, blocks=blocks)
+    labels = torch.from_numpy(numbers)
+    network.fit([x[None] for x in inputs], labels)
+    made = SurfaceClassifier(make_card("haptic", classes=[*"abcdefgh"]))
+    made.senses["haptic"].network = network
+    means = torch.stack([x.mean(dim=1) for x in embeddings(network, inputs)])
+    made.statistics["haptic"] = FeatureStatistics.of(means, labels, CLASSES)
+    made.rows["haptic"] = TrainingRows.of(means, labels, range(len(labels)))
+    return made.eval()
+
+
+@torch.no_grad()
+def embeddings(network, inputs):
+    return [network.features(x[None, None], "fc2")[0] for x in inputs]
+
+
+@torch.no_grad()
+def right(network, inputs, labels) -> int:
+    found = [int(network(x[None, None])[0].mean(dim=1).argmax()) for x in inputs]
+    return int((np.array(found) == labels).sum())
+
+
+def adapted(classifier, counts):
+    """What becomes of it, and how many recordings are right before and after."""
+    inputs, labels = recordings(counts)
+    found = adapt(classifier, embeddings(classifier.network, inputs))
+    before, after = (right(x.network, inputs, labels) for x in (classifier, found.classifier))
+    return found, before, after
+
+
+@pytest.mark.parametrize(
+    ("counts", "most"),
+    [
+        (dict.fromkeys(EVERY, 30), 240),
+        (dict.fromkeys(range(4), 30), 120),
+        ({0: 30, 5: 30}, 60),
+        ({0: 40}, 40),
+        ({0: 100} | dict.fromkeys(range(1, CLASSES), 10), 170),
+        (dict.fromkeys(range(CLASSES + 1), 30), 240),
+    ],
+    ids=["all", "half", "two", "one", "one much commoner", "one unknown"],
+)
+def test_unlabelled_recordings_help(classifier, counts, most):
+    found, before, after = adapted(classifier, counts)
+    assert before < 0.92 * most
+    assert after == most
+    assert not found.reason
+    assert found.recordings == sum(counts.values())
+    assert sum(found.taught.values()) < found.recordings
+    assert found.changed >= after - before
+    assert str(found).startswith(f"Adapted to {found.recordings} recordings, of which")
+
+
+@pytest.mark.parametrize(
+    ("counts", "said"),
+    [
+        (dict.fromkeys(range(5), 2), "of 10 recordings only .* clearly among them"),
+        ({8: 40}, "would not be told apart more clearly"),
+        ({}, "there are no recordings"),
+    ],
+)
+def test_what_tells_too_little_changes_nothing(classifier, counts, said):
+    found = adapt(classifier, embeddings(classifier.network, recordings(counts)[0]))
+    assert found.classifier is classifier
+    assert not found.taught
+    with pytest.raises(AssertionError, match=said):
+        raise AssertionError(str(found))
+
+
+def test_neither_order_nor_the_given_classifier_changes_anything(classifier):
+    inputs = embeddings(classifier.network, recordings(dict.fromkeys(EVERY, 10))[0])
+    before = deepcopy(classifier.state_dict())
+    one, other = (adapt(classifier, x) for x in (inputs, inputs[::-1]))
+    assert one.taught == other.taught
+    states = one.classifier.state_dict(), other.classifier.state_dict()
+    torch.testing.assert_close(*states, rtol=0, atol=0)
+    torch.testing.assert_close(classifier.state_dict(), before, rtol=0, atol=0)
+
+
+def test_what_a_checkpoint_keeps_fits_the_new_network(classifier):
+    found, _, after = adapted(classifier, dict.fromkeys(EVERY, 30))
+    new = found.classifier
+    rows, known = new.rows["haptic"], classifier.rows["haptic"]
+    assert rows.labels.tolist() == known.labels.tolist()
+    assert rows.groups.tolist() == known.groups.tolist()
+    training, _ = recordings(dict.fromkeys(EVERY, 1), seed=9)
+    means = torch.stack([x.mean(dim=1) for x in embeddings(new.network, training)])
+    torch.testing.assert_close(rows.features.float(), means, rtol=0, atol=0.02)
+    statistics = new.statistics["haptic"]
+    assert statistics.counts.tolist() == [1 + found.taught[name] for name in "abcdefgh"]
+    assert statistics.has_reach
+    assert len(new.card.novelties["haptic"]) == len(known.labels) + sum(found.taught.values())
+    inputs, labels = recordings(dict.fromkeys(EVERY, 30))
+    again = adapt(new, embeddings(new.network, inputs))
+    assert right(again.classifier.network, inputs, labels) == after
+
+
+def test_what_cannot_be_fitted_again_is_said(classifier):
+    def refused(other, said):
+        with pytest.raises(UserError, match=said):
+            adapt(other, [])
+
+    refused(SurfaceClassifier(make_card("haptic", "visual")), "fusion network, and task=adapt fits")
+    refused(SurfaceClassifier(make_card("haptic")), "not fitted in closed form")
+    without = deepcopy(classifier)
+    without.rows = nn.ModuleDict()
+    refused(without, "keeps no features of its training recordings")
+    bent = deepcopy(classifier)
+    inputs, labels = recordings(dict.fromkeys(EVERY, 3))
+    planes = bent.network.head.scores.planes
+    planes.take(fit_planes([x.T.double() for x in inputs], torch.from_numpy(labels), CLASSES))
+    refused(bent, "are planes")

@@ -1,0 +1,295 @@
+"""Fit a network in closed form again, with unlabelled recordings that it is to classify.
+
+Self-training (Scudder 1965): the network is fitted to its training rows and to the recordings whose
+label it is surest of, twice, with more of them each time. That also teaches what is wrong where
+classes are absent, unknown or rare, so that there are two guards. Classes that hardly any recording
+is taken for are not taught; and the result has to tell recordings apart more clearly, which were
+left out of the fit, or all stays as it was. No label is ever needed.
+"""
+
+from collections.abc import Iterable
+from copy import deepcopy
+from dataclasses import replace
+from statistics import median
+from typing import Any, NamedTuple, cast
+
+import torch
+from torch import Tensor, nn
+
+from tex_lightning.classifier.card import CROSSVAL, NOVELTIES
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.training_rows import TrainingRows
+from tex_lightning.errors import UserError
+from tex_lightning.learning.statistics import statistics_with_reach
+from tex_lightning.networks.linear import LinearNet, RangeGate
+
+SHARES = (0.25, 0.5)  # of the recordings of a class, the surest, that are taught in each round
+LEAST = 3  # recordings of a class that is taught
+COMMON = 0.5  # of the usual number of recordings of a class: with more it is there
+SURE = 0.5  # of the usual margin, which a quarter of the recordings of a rarer one exceed
+COVERED = 0.75  # share of the recordings whose classes have to be there
+BETWEEN = 0.25  # of the usual margin: a recording with less lies between classes
+FEWER = 0.75  # of the recordings that lay between classes may do so afterwards
+PARTS = 3  # of the recordings, each of which is left out of a fit once
+
+
+class Adaptation(NamedTuple):
+    """What became of a classifier.
+
+    Attributes:
+        classifier: The new one, on the CPU; the given one if nothing was done.
+        reason: Why nothing was done; empty if something was.
+        recordings: Number of recordings that were given.
+        taught: Number of recordings that taught each class.
+        changed: Number of recordings that have another label than before.
+    """
+
+    classifier: SurfaceClassifier
+    reason: str
+    recordings: int
+    taught: dict[str, int]
+    changed: int
+
+    def __str__(self) -> str:
+        """Say what was done, or why nothing was."""
+        if self.reason:
+            return f"Nothing was adapted: {self.reason}."
+        return (
+            f"Adapted to {self.recordings} recordings, of which {sum(self.taught.values())} taught "
+            f"{len(self.taught)} classes; {self.changed} have another label than before."
+        )
+
+
+def adapt(classifier: SurfaceClassifier, embeddings: Iterable[Tensor]) -> Adaptation:
+    """Fit a copy of a classifier again with unlabelled recordings, where that seems safe.
+
+    The order of the recordings makes no difference.
+
+    Args:
+        classifier: Of one network in closed form that keeps its training rows.
+        embeddings: What :meth:`~SurfaceClassifier.embedding` gives for each recording, (D,
+            positions).
+
+    Raises:
+        UserError: If the classifier cannot be adapted.
+    """
+    check_adaptable(classifier)
+    given = [(x.mean(dim=1).cpu(), x.shape[1]) for x in embeddings]
+    given.sort(key=lambda pair: pair[0].numpy().tobytes())
+    if not given:
+        return Adaptation(classifier, "there are no recordings", 0, {}, 0)
+    whole = deepcopy(classifier).cpu()
+    (name,), network = whole.senses, cast(LinearNet, whole.network)
+    student = _Student(
+        network, cast(TrainingRows, whole.rows[name]), torch.stack([mean for mean, _ in given])
+    )
+    before, taught, labels, reason = student.learn()
+    if reason:
+        return Adaptation(classifier, reason, len(given), {}, 0)
+    fitted = student.fitted(taught, labels)
+    changed = int((student.scores(fitted).argmax(dim=1) != before.argmax(dim=1)).sum())
+    _gate(fitted).fragments.fill_(median(count for _, count in given))
+    _replace(whole, name, fitted, student, labels.where(taught, -1))
+    counts = labels[taught].bincount(minlength=network.classes).tolist()
+    by_class = {x: n for x, n in zip(classifier.card.classes, counts, strict=True) if n}
+    return Adaptation(whole.eval(), "", len(given), by_class, changed)
+
+
+def check_adaptable(classifier: SurfaceClassifier) -> None:
+    """Reject a classifier that cannot be fitted again.
+
+    Raises:
+        UserError: Saying why.
+    """
+    title, ours = classifier.card.title, "task=adapt fits band proportions (experiment=few/haptic)"
+    if classifier.card.baseline or classifier.fusion is not None:
+        raise UserError(f"This is a {title}, and {ours} again; give a checkpoint of these.")
+    network = classifier.network
+    if not isinstance(network, LinearNet):
+        raise UserError(f"This {title} is not fitted in closed form, and {ours} again; train one.")
+    if not classifier.rows:
+        raise UserError(
+            f"This {title} keeps no features of its training recordings, which {ours} again with; "
+            "train it anew with keep_rows=true."
+        )
+    if network.head.scores.planes.in_use:  # type: ignore[union-attr]
+        raise UserError(
+            f"The classes of this {title} are planes, which need the fragments of all training "
+            "recordings; train it anew on recordings of the new conditions."
+        )
+
+
+class _Student:
+    """A network with its training rows, and the recordings that may teach it.
+
+    Args:
+        network: Fitted; a copy, which is changed.
+        rows: Its training rows.
+        embeddings: Mean features (recordings, D) of the others.
+    """
+
+    def __init__(self, network: LinearNet, rows: TrainingRows, embeddings: Tensor) -> None:
+        self.network, self.labels = network, rows.labels
+        self.groups = rows.groups.tolist()
+        self.known = _inputs(network, rows.features)
+        self.others = _inputs(network, embeddings)
+        _gate(network).fragments.fill_(1)  # whole recordings are looked at
+
+    def learn(self) -> tuple[Tensor, Tensor, Tensor, str]:
+        """Choose what is taught.
+
+        Returns:
+            Scores before (recordings, classes), which recordings teach (recordings,), the label of
+            each (recordings,), and why nothing should be taught, which else is empty.
+        """
+        scores = before = self.scores(self.network)
+        present = _present(before)
+        taught = labels = before.argmax(dim=1)
+        covered = present[labels]
+        if covered.double().mean() < COVERED:
+            reason = (
+                f"of {len(labels)} recordings only {int(covered.sum())} are of classes that are "
+                "clearly among them; give more recordings of each class"
+            )
+            return before, covered, labels, reason
+        for share in SHARES:
+            labels = scores.argmax(dim=1)
+            taught = _surest(scores, share) & present[labels]
+            scores = self.scores(self.fitted(taught, labels))
+        was, now = (_between(x) for x in (before, self.left_out(taught, labels)))
+        reason = (
+            f"the classes would not be told apart more clearly; of {len(labels)} recordings {was} "
+            f"lie between classes, and {now} would"
+        )
+        return before, taught, labels, "" if now < was and now <= FEWER * was else reason
+
+    def fitted(self, taught: Tensor, labels: Tensor) -> LinearNet:
+        """Return a network fitted to the training rows and the marked recordings."""
+        network, count = deepcopy(self.network), int(taught.sum())
+        rows = torch.cat([self.known, self.others[taught]])
+        groups = [*map(str, self.groups), *(f"other {number}" for number in range(count))]
+        network.fit([*rows[:, None]], torch.cat([self.labels, labels[taught]]), groups)
+        return network
+
+    @torch.no_grad()
+    def scores(self, network: LinearNet) -> Tensor:
+        """Return the scores (recordings, classes) that a network gives."""
+        scores: Tensor = network(self.others[:, None])
+        return scores[..., 0]
+
+    def left_out(self, taught: Tensor, labels: Tensor) -> Tensor:
+        """Return the scores (recordings, classes) of each recording by a fit without its part."""
+        order = labels.argsort(stable=True)  # each class is spread over the parts
+        part = torch.empty_like(order)
+        part[order] = torch.arange(len(order)) % PARTS
+        scores = torch.zeros(len(labels), self.network.classes)
+        for number in range(PARTS):
+            out = part == number
+            scores[out] = self.scores(self.fitted(taught & ~out, labels))[out]
+        return scores
+
+
+def _inputs(network: LinearNet, embeddings: Tensor) -> Tensor:
+    """Return the features (recordings, D, 1) whose embeddings (recordings, D) are given.
+
+    What the network takes for constant is its mean.
+    """
+    features = embeddings.double()
+    if network.levels:
+        rest, levels = features.tensor_split([-network.levels], dim=1)
+        levels = levels @ torch.linalg.inv(network.whitening.double())
+        features = torch.cat([rest, levels], dim=1)
+    scale = network.scale.double()[:, 0, 0]
+    inverse = torch.where(scale > 0, 1 / scale, 0)
+    return (features * inverse + network.mean.double()[:, 0, 0]).float()[:, :, None]
+
+
+def _gate(network: LinearNet) -> RangeGate:
+    return next(module for module in network.modules() if isinstance(module, RangeGate))
+
+
+def _margins(scores: Tensor) -> Tensor:
+    """Return by how much the best score of each row leads (rows,)."""
+    best = scores.topk(2, dim=1).values
+    return best[:, 0] - best[:, 1]
+
+
+def _between(scores: Tensor) -> int:
+    """Count the recordings that lie between classes."""
+    margins = _margins(scores)
+    return int((margins < BETWEEN * margins.median()).sum())
+
+
+def _surest(scores: Tensor, share: float) -> Tensor:
+    """Mark (recordings,) the share of each label's recordings whose margin is the largest."""
+    labels, margins = scores.argmax(dim=1), _margins(scores)
+    marked = torch.zeros_like(labels, dtype=torch.bool)
+    for label in {*labels.tolist()}:
+        members = (labels == label).nonzero()[:, 0]
+        surest = members[margins[members].argsort(descending=True, stable=True)]
+        marked[surest[: -int(-len(members) * share // 1)]] = True
+    return marked
+
+
+def _present(scores: Tensor) -> Tensor:
+    """Return which classes are clearly among the recordings (classes,).
+
+    What is mistaken for a class that is absent is little. Only where most classes are there the
+    others are likely to be there, too, and few recordings do that are sure. The usual class is that
+    of the median recording, so that one common class does not hide all others.
+    """
+    labels, margins = scores.argmax(dim=1), _margins(scores)
+    counts = labels.bincount(minlength=scores.shape[1])
+    ascending = counts.sort().values
+    usual = ascending[2 * ascending.cumsum(dim=0) >= len(labels)][0]
+    enough = counts >= LEAST
+    present = enough & (counts >= COMMON * usual)
+    if 2 * present.sum() > len(present):
+        for label in (enough & ~present).nonzero()[:, 0].tolist():
+            upper = margins[labels == label].quantile(0.75)
+            present[label] = upper >= SURE * margins.median()
+    return present
+
+
+def _replace(
+    classifier: SurfaceClassifier,
+    name: str,
+    network: LinearNet,
+    student: _Student,
+    labels: Tensor,
+) -> None:
+    """Put a refitted network into a classifier, with what its checkpoint keeps.
+
+    The rows stay those of the training, whose labels are known.
+
+    Args:
+        classifier: A copy, which is changed.
+        name: Its sense.
+        network: Refitted.
+        student: What it was fitted to.
+        labels: Class index of each recording that taught, -1 of others (recordings,).
+    """
+    taught = labels >= 0
+    with torch.no_grad():
+        known, others = (
+            network.features(x[:, None], "fc2")[..., 0]
+            for x in (student.known, student.others[taught])
+        )
+    statistics, left_out = statistics_with_reach(
+        torch.cat([known, others]),
+        torch.cat([student.labels, labels[taught]]),
+        network.classes,
+        [*student.groups, *(f"other {number}" for number in range(len(others)))],
+    )
+    sense: Any = classifier.senses[name]
+    sense.network = network
+    classifier.statistics[name] = statistics
+    classifier.rows = nn.ModuleDict({name: TrainingRows.of(known, student.labels, student.groups)})
+    card = classifier.card
+    novelties = {NOVELTIES: {name: [x for x in left_out if x is not None]}} if left_out else {}
+    kept = {key: value for key, value in card.training.items() if key != CROSSVAL}
+    classifier.card = replace(
+        card,
+        calibration={**card.calibration, **novelties},
+        training={**kept, "val_loss": None, "left_out": {name: left_out}},
+    )
