@@ -1,134 +1,149 @@
-"""What helps band proportions under new conditions: other speeds in training, unlabelled tests.
+"""What unlabelled recordings do: ``adapt`` with all that is tested, and with what could mislead it.
 
 ``python -m benchmarks adaptation --data=DIR --only=fabricslide,new_speed``
 
-It runs the divisions of ``accuracy.yaml`` without the package's own training, so that features are
-computed once for all ways of using them. ``warp`` adds every training recording at 3/4 and 4/3 of
-its speed. ``centred`` moves the mean features of the tested recordings to those of the training.
-``taught`` fits the network twice more, with the half of the tested recordings of each predicted
-class that is the most certain; ``taught_half`` does so where the tested recordings have only the
-first half of the classes.
+It runs the divisions of ``accuracy.yaml``. Each figure is the score before and after, how many
+recordings of known classes are right, and in how many draws something was adapted. Beside ``all``
+that is tested there are draws of parts: ``half`` of the classes, ``two`` of them or ``one``,
+``ten`` recordings, and ``common``, where one class has ten times as many as each other. For
+``unknown`` a class, for ``unknown_some`` a quarter of them, is left out of the training.
 """
 
 from collections import defaultdict
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
-import scipy
 import torch
-from torch import Tensor
 
-from benchmarks._classifiers import configured
-from benchmarks.accuracy import (
-    Rows,
-    Tested,
-    divide,
-    read_rows,
-    read_signals,
-    read_table,
-    score,
-    select,
-)
-from tex_lightning.data.own_defaults import PAPERS_RATE, SLOW_RATE
-from tex_lightning.networks.linear import LinearNet
-from tex_lightning.senses.features.proportions import BandProportions
-from tex_lightning_runtime.resampling import to_rate
+import tex_lightning as tl
+from benchmarks._peers import Signal
+from benchmarks.accuracy import Tested, divide, read_rows, read_signals, read_table, score, select
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.learning.adaptation import adapt
 
-SPEEDS = (0.75, 4 / 3)
-ROUNDS = 2
+DRAWS = 3
+Labels = np.ndarray[Any, np.dtype[np.str_]]
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
-Items = list[tuple[Tensor, int, str]]  # features (1, D, fragments), class and group
+Numbers = np.ndarray[Any, np.dtype[np.int64]]
 
 
-def measure(data: str = "", only: str = "") -> dict[str, Any]:
-    """Return the score of every way, by data set and protocol."""
-    settings, figures = read_table(data), {}
-    sets = {name: x for name, x in settings["data"].items() if x["modality"] == "haptic"}
+class Drawn(NamedTuple):
+    """What became of one draw."""
+
+    before: Tested
+    after: Tested
+    adapted: bool
+
+
+def measure(data: str = "", only: str = "", table: str = "") -> dict[str, Any]:
+    """Return the figures of every draw, by data set and protocol."""
+    settings = read_table(data, table or str(Path(__file__).with_name("accuracy.yaml")))
+    figures: dict[str, Any] = {}
+    sets = {
+        name: x for name, x in settings["data"].items()
+        if x["modality"] == "haptic" and "from" not in x
+    }  # fmt: skip
     cells = [(name, protocol, "") for name, x in sets.items() for protocol in x["protocols"]]
     for name, protocol, _ in select(cells, only):
-        rows, tests = read_rows(sets[name]), defaultdict(list)
-        signals, rate = at_one_rate(rows, sets[name].get("keys", ()))
-        for mask in divide(rows, settings["protocols"][protocol]):
-            for way, tested in compare(rows, signals, rate, np.array(mask)).items():
-                tests[way] += tested
-        for way, tested in tests.items():
-            correct = sum(label == predicted for label, predicted, _ in tested)
-            share = score(tested, sets[name].get("balanced", False))
-            figures[f"{name}.{protocol}.{way}"] = f"{share:.1%} ({correct}/{len(tested)})"
-            print(name, protocol, way, figures[f"{name}.{protocol}.{way}"], flush=True)
+        rows, drawn = read_rows(sets[name]), defaultdict(list)
+        signals = read_signals(rows, sets[name].get("keys", ()))
+        labels = np.array([row.label for row in rows])
+        groups = np.array([row.group_key for row in rows])
+        for number, mask in enumerate(divide(rows, settings["protocols"][protocol])):
+            for kind, found in compare(signals, labels, groups, np.array(mask), number):
+                drawn[kind].append(found)
+        for kind, draws in drawn.items():
+            told = figures[f"{name}.{protocol}.{kind}"] = shown(
+                draws, sets[name].get("balanced", False)
+            )
+            print(name, protocol, kind, told, flush=True)
     return figures
 
 
-def at_one_rate(rows: Rows, keys: Sequence[str]) -> tuple[list[Tensor], float]:
-    """Return the signals (axes, samples) at their highest rate in Hz, at most the paper's."""
-    read = read_signals(rows, keys)
-    highest = min(PAPERS_RATE, max(rate for _, rate in read))
-    signals = [to_rate(trace.astype(np.float32), rate, highest, "") for trace, rate in read]
-    return [torch.from_numpy(np.array(signal, np.float32)) for signal in signals], highest
+def compare(
+    signals: list[Signal], labels: Labels, groups: Labels, is_test: Mask, seed: int
+) -> Iterator[tuple[str, Drawn]]:
+    """Train on some of the recordings, and adapt to draws of the others."""
+    rng, names = np.random.default_rng(seed), np.unique(labels)
+    some = rng.choice(names, max(1, len(names) // 4), replace=False)
+    for kind, absent in (("", []), ("unknown", some[:1]), ("unknown_some", some)):
+        if len(names) - len(absent) < 2:
+            continue
+        train = np.flatnonzero(~is_test & ~np.isin(labels, absent))
+        model = tl.Estimator("few/haptic").fit(
+            [signals[n] for n in train], labels[train], groups[train]
+        )
+        tested = Recordings(model, [signals[n] for n in np.flatnonzero(is_test)], labels[is_test])
+        if kind:
+            yield kind, tested.adapted(np.arange(len(tested.labels)))
+            continue
+        for kind_drawn, chosen in draw(tested.labels, rng):
+            yield kind_drawn, tested.adapted(chosen)
 
 
-@torch.no_grad()
-def compare(rows: Rows, signals: list[Tensor], rate: float, is_test: Mask) -> dict[str, Tested]:
-    """Train on some of the recordings, and test the others in every way."""
-    node = configured("experiment=few/haptic").model.haptic.features
-    levels = len(signals[0]) if rate < SLOW_RATE else None
-    values = {key: value for key, value in node.items() if key not in ("_target_", "levels")}
-    features = BandProportions(sampling_rate=rate, skip_impact=True, levels=levels, **values)
-    train, test = np.flatnonzero(~is_test), np.flatnonzero(is_test)
-    features.learn(signals[n] for n in train)
-    names = sorted({row.label for row in rows})
-    labels, groups = [names.index(row.label) for row in rows], [row.group_key for row in rows]
-    known: Items = [(features(signals[n])[0], labels[n], groups[n]) for n in train]
-    warped = [
-        (features(scale_time(signals[n], speed))[0], labels[n], groups[n])
-        for n in train
-        for speed in SPEEDS
-    ]
-    tested = torch.stack([features(signals[n])[0].mean(dim=-1, keepdim=True) for n in test])
-    shift = torch.stack([item[0].mean(dim=-1, keepdim=True) for item in known]).mean(dim=0)
-    half = np.array([labels[n] < len(names) / 2 for n in test])
-    network = fitted(features, len(names), known)
-    plain = network(tested)
-    ways = {
-        "plain": (plain, test),
-        "warp": (fitted(features, len(names), known + warped)(tested), test),
-        "centred": (network(tested - tested.mean(dim=0) + shift), test),
-        "taught": (taught(features, network, known, tested), test),
-        "plain_half": (plain[half], test[half]),
-        "taught_half": (taught(features, network, known, tested[half]), test[half]),
-    }
-    return {
-        way: [(rows[n].label, names[c], 0.0) for n, c in zip(which, labels, strict=True)]
-        for way, (scores, which) in ways.items()
-        for labels in [scores[..., 0].argmax(dim=1).tolist()]
-    }
+def draw(labels: Labels, rng: np.random.Generator) -> Iterator[tuple[str, Numbers]]:
+    """Yield which of the tested recordings are given."""
+    names, counts = np.unique(labels, return_counts=True)
+    yield "all", np.arange(len(labels))
+    for _ in range(DRAWS):
+        for kind, count in (("half", len(names) // 2), ("two", 2), ("one", 1)):
+            chosen = rng.choice(names, count, replace=False)
+            yield kind, np.flatnonzero(np.isin(labels, chosen))
+        yield "ten", rng.choice(len(labels), min(10, len(labels)), replace=False)
+        often = rng.choice(names)
+        share = max(1, round(int(counts[names == often][0]) / 10))
+        rare = [np.flatnonzero(labels == name) for name in names if name != often]
+        few = [rng.permutation(members)[:share] for members in rare]
+        yield "common", np.concatenate([np.flatnonzero(labels == often), *few])
 
 
-def fitted(features: BandProportions, classes: int, items: Items) -> LinearNet:
-    """Return the network fitted to recordings."""
-    network = LinearNet(classes, bands=features.bands, blocks=features.blocks)
-    inputs, labels, groups = zip(*items, strict=True)
-    network.fit(inputs, torch.tensor(labels), groups)
-    return network
+class Recordings:
+    """Tested recordings, whose features are computed once.
+
+    Args:
+        model: Trained.
+        signals: Samples and rate in Hz of each.
+        labels: Class of each; only :meth:`adapted` counts with them.
+    """
+
+    def __init__(self, model: tl.Estimator, signals: list[Signal], labels: Labels) -> None:
+        predictor, self.labels = model.predictor_, labels
+        self.classifier: SurfaceClassifier = predictor.classifier
+        decoded = (predictor.decoded({"haptic": x}, rate=rate) for x, rate in signals)
+        self.signals = [found["haptic"][0] for found in decoded]
+        self.features = []
+        for signal in self.signals:
+            with torch.inference_mode():
+                positions = self.classifier.embedding("haptic", signal)
+                mean = positions.mean(dim=1, keepdim=True)
+            self.features.append(mean.expand_as(positions))
+        self.before = [self.label(self.classifier, n) for n in range(len(labels))]
+
+    def label(self, classifier: SurfaceClassifier, number: int) -> str:
+        """Return the class that a recording is taken for."""
+        return classifier.card.classes[classifier.classify(haptic=self.signals[number]).label]
+
+    def adapted(self, chosen: Numbers) -> Drawn:
+        """Return what becomes of some of them, those of unknown classes apart."""
+        found = adapt(self.classifier, [self.features[n] for n in chosen])
+        known = [n for n in chosen.tolist() if self.labels[n] in self.classifier.card.classes]
+        before = [(str(self.labels[n]), self.before[n], 0.0) for n in known]
+        after = before
+        if not found.reason:
+            after = [(str(self.labels[n]), self.label(found.classifier, n), 0.0) for n in known]
+        return Drawn(before, after, not found.reason)
 
 
-def taught(features: BandProportions, network: LinearNet, known: Items, tested: Tensor) -> Tensor:
-    """Return the scores of tested recordings (recordings, 1, D, 1) that teach the network, too."""
-    found = network(tested)[..., 0]
-    for part in range(1, ROUNDS + 1):
-        best, labels = found.topk(2, dim=1).values, found.argmax(dim=1)
-        items = list(known)
-        for label in labels.unique().tolist():
-            members = (labels == label).nonzero()[:, 0]
-            certain = members[(best[members, 0] - best[members, 1]).argsort(descending=True)]
-            count = -(-len(members) * part // (2 * ROUNDS))
-            items += [(tested[n], label, f"tested {n}") for n in certain[:count].tolist()]
-        found = fitted(features, network.classes, items)(tested)[..., 0]
-    return found[..., None]
-
-
-def scale_time(signal: Tensor, factor: float) -> Tensor:
-    """Return a signal (axes, samples) that lasts ``factor`` times as long."""
-    length = int(signal.shape[1] * factor)
-    return torch.from_numpy(scipy.signal.resample(signal.numpy(), length, axis=1))
+def shown(draws: list[Drawn], balanced: bool) -> str:
+    """Return the scores of all draws together, and the largest loss of one."""
+    before, after = ([x for draw in draws for x in draw[place]] for place in (0, 1))
+    right = [sum(label == found for label, found, _ in tested) for tested in (before, after)]
+    shares = [score(tested, balanced) for tested in (before, after)]
+    changes = [score(draw.after, False) - score(draw.before, False) for draw in draws]
+    adapted = sum(draw.adapted for draw in draws)
+    return (
+        f"{shares[0]:.1%} -> {shares[1]:.1%} ({right[0]} -> {right[1]} of {len(before)}), "
+        f"adapted {adapted}/{len(draws)}, worst {100 * min(changes):+.1f} points"
+    )

@@ -12,7 +12,7 @@ from scipy.signal import welch
 from scipy.stats import multinomial
 
 from benchmarks import __main__ as runner
-from benchmarks import _peers, accuracy, drifting, shapes, shifts
+from benchmarks import _peers, accuracy, adaptation, drifting, shapes, shifts
 from benchmarks._changes import Item, apply
 from benchmarks._field import spread
 from benchmarks._paired import Cell, compare, paired_interval, to_table
@@ -53,6 +53,16 @@ field: [{data: lamps, protocol: lamp, title: lamps}, {data: none, protocol: lamp
 ours: [ours]
 names: {bands: ours, log_bands: a peer, log_mel: a peer}
 """
+
+
+def test_adaptation_to_draws_of_what_is_tested(surfaces, tmp_path):
+    table = tmp_path / "table.yaml"
+    table.write_text(TABLE)
+    figures = adaptation.measure(data=str(surfaces), only="waves", table=str(table))
+    kinds = {"all", "half", "two", "one", "ten", "common", "unknown", "unknown_some"}
+    assert {*figures} == {f"waves.first.{kind}" for kind in kinds}
+    assert figures["waves.first.all"].startswith("100.0% -> 100.0% (21 -> 21 of 21), adapted ")
+    assert "of 14), adapted " in figures["waves.first.unknown"]
 
 
 def test_accuracy_of_systems_by_data_set_and_protocol(surfaces, cache, tmp_path, monkeypatch):

@@ -6,6 +6,7 @@ decision. So the same recordings and the same seed give the same weights and lab
 
 import os
 import tempfile
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
@@ -54,6 +55,7 @@ from tex_lightning.data.recordings import one_name
 from tex_lightning.errors import InvalidInput, listed
 from tex_lightning.inference.prediction import Prediction
 from tex_lightning.inference.predictor import Predictor, load
+from tex_lightning.learning.adaptation import adapt
 from tex_lightning.studies.fold import open_training, train_model
 from tex_lightning.tasks.enroll import enroll, open_new_classes
 from tex_lightning.tasks.export import export_classifier
@@ -86,6 +88,8 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
     Attributes:
         classes_: Labels in the order of the columns of :meth:`predict_proba`.
         predictor_: What :func:`tex_lightning.load` gives for the trained model.
+        adaptation_: What :meth:`adapt` did last: ``reason`` why it left the model as it was, or an
+            empty text, and numbers (:class:`~tex_lightning.learning.adaptation.Adaptation`).
         n_features_in_: Length of the second dimension of an array that it was fitted to.
 
     Example:
@@ -251,6 +255,33 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             self.predictor_ = Predictor(extended, before.config)
             self.classes_ = np.unique(np.concatenate([self.classes_, classes]))
         return self
+
+    def adapt(self, X: Any) -> Self:  # noqa: ANN401
+        """Fit the model again with recordings without labels, which it is to classify.
+
+        Where that would not tell them apart more clearly, the model stays as it is, and a warning
+        says why. Their order makes no difference.
+
+        Raises:
+            UserError: If the model is not fitted in closed form, or keeps no features of its
+                training recordings.
+        """
+        with self._using(X) as samples:
+            before = self.predictor_
+            self.adaptation_ = adapt(before.classifier, self._embeddings(samples))
+            self.predictor_ = Predictor(self.adaptation_.classifier, before.config)
+        if self.adaptation_.reason:
+            warnings.warn(str(self.adaptation_), stacklevel=2)
+        return self
+
+    @torch.inference_mode()
+    def _embeddings(self, samples: Sequence[Sample]) -> Iterator[torch.Tensor]:
+        """Yield features (D, positions) of each sample by the only sense of the model."""
+        classifier = self.predictor_.classifier
+        for sample in samples:
+            decoded = self._decoded(sample)
+            for name, sense in classifier.senses.items():
+                yield classifier.embedding(name, decoded[sense.modality][0])
 
     def save(self, path: str | Path) -> Path:
         """Write a checkpoint that :func:`tex_lightning.load` and every task take."""

@@ -72,6 +72,7 @@ class Config:
         str | None, "task=manifest: path below data.root, such as {label}/{person}_{group}.wav"
     ] = None
     top_k: Annotated[int, "[1, inf)", "candidates listed by task=predict"]
+    adapt: Annotated[bool, "task=predict: adapt to all files first, as task=adapt does"]
     weights: Annotated[
         Any, TEXT, "first weights of trunks: FILE, imagenet or {TRUNK: FILE}; null: random"
     ] = None

@@ -22,7 +22,7 @@ from tex_lightning.config.tasks import TRAINING
 from tex_lightning.errors import UserError, shorten
 
 RECORDED = ("haptic", "sound", "image")  # modalities of task=record
-HAVE_CHECKPOINTS = ("evaluate", "enroll", "predict", "stream", "export")
+HAVE_CHECKPOINTS = ("evaluate", "enroll", "adapt", "predict", "stream", "export")
 # Keys without which a task can do nothing.
 NEEDED = {
     "checkpoint": HAVE_CHECKPOINTS,
@@ -34,12 +34,13 @@ NEEDED = {
 READ_BY = {
     "checkpoint": (*HAVE_CHECKPOINTS, "profile"),
     **dict.fromkeys(("haptic", "image", "sound"), READ_FILES),
+    "adapt": ("predict",),
     "weights": (*TRAINING, "frontier"),
     "data.hold_out": ("fit", "crossval", "evaluate"),
     "data.per_class": ("fit", "crossval", "frontier", "enroll"),
-    "data.skip_bad": ("fit", "crossval", "evaluate", "enroll", "stability", "frontier"),
+    "data.skip_bad": ("fit", "crossval", "evaluate", "enroll", "adapt", "stability", "frontier"),
     "data.val_fold": ("fit", "evaluate", "export", "stability"),
-    "data.test_where": ("fit", "evaluate", "stability"),
+    "data.test_where": ("fit", "evaluate", "adapt", "stability"),
 }
 NOT_SEQUENTIAL = ("profile", "stability", "stream")
 Rule = tuple[bool, str]  # whether something is wrong, and the complaint

@@ -9,11 +9,11 @@ ROUNDS = "[1, 10000]"
 SHARE = "[0, 1]"
 CHANCE = "[0, 1)"
 Task = Literal[
-    "fit", "crossval", "evaluate", "enroll", "predict", "stream", "record", "stability",
-    "frontier", "profile", "export", "generate", "inspect", "manifest",
+    "fit", "crossval", "evaluate", "enroll", "adapt", "predict", "stream", "record",
+    "stability", "frontier", "profile", "export", "generate", "inspect", "manifest",
 ]  # fmt: skip
 TASKS: tuple[str, ...] = get_args(Task)
-READ_FILES = ("predict", "record", "stream")  # tasks that read files, by modality
+READ_FILES = ("adapt", "predict", "record", "stream")  # tasks that read files, by modality
 TRAINING = ("fit", "crossval")  # tasks that train one model
 SILENT = (
     "predict",

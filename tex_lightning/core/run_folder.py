@@ -181,7 +181,7 @@ def find_checkpoint(source: str | Path) -> Path:
     settings = read_record(note) if note.is_file() else {}
     senses = settings.get("model.senses") or list(files)
     kind = senses[0] if len(senses) == 1 else "fusion"
-    if settings.get("task") == "enroll":  # which has the senses of another model
+    if settings.get("task") in ("enroll", "adapt"):  # which have the senses of another model
         kind = next(iter(files))
     if kind not in files:
         choices = " or ".join(map(str, files.values()))

@@ -2,14 +2,16 @@
 
 Self-training (Scudder 1965): the network is fitted to its training rows and to the recordings whose
 label it is surest of, twice, with more of them each time. That also teaches what is wrong where
-classes are absent, unknown or rare, so that there are two guards. Classes that hardly any recording
-is taken for are not taught; and the result has to tell recordings apart more clearly, which were
-left out of the fit, or all stays as it was. No label is ever needed.
+classes are absent, unknown or rare, so that there are guards. Classes that hardly any recording is
+taken for are not taught. And recordings that are left out of the fit have to be told apart more
+clearly, with the same labels (Lange et al. 2004, Stability-based validation of clustering
+solutions), or all stays as it was. No label is ever needed.
 """
 
 from collections.abc import Iterable
 from copy import deepcopy
 from dataclasses import replace
+from itertools import combinations
 from statistics import median
 from typing import Any, NamedTuple, cast
 
@@ -27,9 +29,14 @@ SHARES = (0.25, 0.5)  # of the recordings of a class, the surest, that are taugh
 LEAST = 3  # recordings of a class that is taught
 COMMON = 0.5  # of the usual number of recordings of a class: with more it is there
 SURE = 0.5  # of the usual margin, which a quarter of the recordings of a rarer one exceed
+MANY = 1 / 3  # of the classes, which have to be there before rarer ones count
+MOST = 0.75  # of the classes, which have to be there if each has one training recording
 COVERED = 0.75  # share of the recordings whose classes have to be there
 BETWEEN = 0.25  # of the usual margin: a recording with less lies between classes
 FEWER = 0.75  # of the recordings that lay between classes may do so afterwards
+APART = 4.0  # deviations between two classes; one cluster cut in two has at most 12**0.5
+BLURRED = 0.1  # of the recordings may be of classes that are closer to another one
+STABLE = 0.96  # of the labels, which a fit without the recording itself gives, too
 PARTS = 3  # of the recordings, each of which is left out of a fit once
 
 
@@ -83,16 +90,14 @@ def adapt(classifier: SurfaceClassifier, embeddings: Iterable[Tensor]) -> Adapta
     student = _Student(
         network, cast(TrainingRows, whole.rows[name]), torch.stack([mean for mean, _ in given])
     )
-    before, taught, labels, reason = student.learn()
-    if reason:
-        return Adaptation(classifier, reason, len(given), {}, 0)
-    fitted = student.fitted(taught, labels)
-    changed = int((student.scores(fitted).argmax(dim=1) != before.argmax(dim=1)).sum())
-    _gate(fitted).fragments.fill_(median(count for _, count in given))
-    _replace(whole, name, fitted, student, labels.where(taught, -1))
-    counts = labels[taught].bincount(minlength=network.classes).tolist()
+    lesson = student.learn()
+    if lesson.reason:
+        return Adaptation(classifier, lesson.reason, len(given), {}, 0)
+    _gate(lesson.network).fragments.fill_(median(count for _, count in given))
+    _replace(whole, name, student, lesson)
+    counts = lesson.labels[lesson.labels >= 0].bincount(minlength=network.classes).tolist()
     by_class = {x: n for x, n in zip(classifier.card.classes, counts, strict=True) if n}
-    return Adaptation(whole.eval(), "", len(given), by_class, changed)
+    return Adaptation(whole.eval(), "", len(given), by_class, lesson.changed)
 
 
 def check_adaptable(classifier: SurfaceClassifier) -> None:
@@ -119,6 +124,22 @@ def check_adaptable(classifier: SurfaceClassifier) -> None:
         )
 
 
+class _Lesson(NamedTuple):
+    """What recordings have taught a network.
+
+    Attributes:
+        network: Fitted to them, too.
+        labels: Class index of each recording that taught, -1 of others (recordings,).
+        changed: How many recordings have another label than before.
+        reason: Why it should not be used; empty if it should.
+    """
+
+    network: LinearNet
+    labels: Tensor
+    changed: int
+    reason: str
+
+
 class _Student:
     """A network with its training rows, and the recordings that may teach it.
 
@@ -131,37 +152,40 @@ class _Student:
     def __init__(self, network: LinearNet, rows: TrainingRows, embeddings: Tensor) -> None:
         self.network, self.labels = network, rows.labels
         self.groups = rows.groups.tolist()
+        known = {*zip(self.labels.tolist(), self.groups, strict=True)}
+        counts = torch.tensor([label for label, _ in known]).bincount(minlength=network.classes)
+        self.single = bool(counts.median() < 2)  # recordings, or what was recorded together
         self.known = _inputs(network, rows.features)
         self.others = _inputs(network, embeddings)
         _gate(network).fragments.fill_(1)  # whole recordings are looked at
 
-    def learn(self) -> tuple[Tensor, Tensor, Tensor, str]:
-        """Choose what is taught.
-
-        Returns:
-            Scores before (recordings, classes), which recordings teach (recordings,), the label of
-            each (recordings,), and why nothing should be taught, which else is empty.
-        """
+    def learn(self) -> _Lesson:
+        """Fit the network again, and say why that should not be used, if so."""
         scores = before = self.scores(self.network)
-        present = _present(before)
-        taught = labels = before.argmax(dim=1)
-        covered = present[labels]
-        if covered.double().mean() < COVERED:
+        present, labels = _present(before), before.argmax(dim=1)
+        covered = int(present[labels].sum())
+        if covered < COVERED * len(labels):
             reason = (
-                f"of {len(labels)} recordings only {int(covered.sum())} are of classes that are "
-                "clearly among them; give more recordings of each class"
+                f"of {len(labels)} recordings only {covered} are of classes that are clearly "
+                "among them; give more recordings of each class"
             )
-            return before, covered, labels, reason
+            return _Lesson(self.network, labels, 0, reason)
+        there, classes = int(present.sum()), len(present)
+        if self.single and there < MOST * classes:
+            reason = (
+                f"only {there} of {classes} classes are clearly among the recordings, and one "
+                "training recording of each does not tell which are absent"
+            )
+            return _Lesson(self.network, labels, 0, reason)
+        network, taught = self.network, present[labels]
         for share in SHARES:
             labels = scores.argmax(dim=1)
             taught = _surest(scores, share) & present[labels]
-            scores = self.scores(self.fitted(taught, labels))
-        was, now = (_between(x) for x in (before, self.left_out(taught, labels)))
-        reason = (
-            f"the classes would not be told apart more clearly; of {len(labels)} recordings {was} "
-            f"lie between classes, and {now} would"
-        )
-        return before, taught, labels, "" if now < was and now <= FEWER * was else reason
+            network = self.fitted(taught, labels)
+            scores = self.scores(network)
+        reason = _doubt(before, scores, self.left_out(taught, labels))
+        changed = int((scores.argmax(dim=1) != before.argmax(dim=1)).sum())
+        return _Lesson(network, labels.where(taught, -1), changed, reason)
 
     def fitted(self, taught: Tensor, labels: Tensor) -> LinearNet:
         """Return a network fitted to the training rows and the marked recordings."""
@@ -220,6 +244,53 @@ def _between(scores: Tensor) -> int:
     return int((margins < BETWEEN * margins.median()).sum())
 
 
+def _doubt(before: Tensor, after: Tensor, left_out: Tensor) -> str:
+    """Say why scores (recordings, classes) are not to be trusted, if so.
+
+    Args:
+        before: Of the network as it was.
+        after: Of that which all recordings could teach.
+        left_out: Of those that the recording itself could not teach.
+    """
+    count, was, now = len(before), _between(before), _between(left_out)
+    if not (now < was and now <= FEWER * was):
+        return (
+            "the classes would not be told apart more clearly; "
+            f"of {count} recordings {was} lie between classes, and {now} would"
+        )
+    blurred = _blurred(left_out)
+    if blurred > BLURRED * count:
+        return (
+            "some classes may be parts of others; "
+            f"{blurred} of {count} recordings are of classes without a gap to another one"
+        )
+    same = int((after.argmax(dim=1) == left_out.argmax(dim=1)).sum())
+    if same < STABLE * count:
+        return (
+            "the labels depend too much on which recordings are given; "
+            f"with some of them left out only {same} of {count} have the same label"
+        )
+    return ""
+
+
+def _blurred(scores: Tensor) -> int:
+    """Count the recordings of classes that have no gap to a larger one.
+
+    It is the separation of Ashman et al. (1994, Detecting bimodality in astronomical datasets).
+    """
+    labels = scores.argmax(dim=1)
+    counts = labels.bincount(minlength=scores.shape[1])
+    blurred = torch.zeros_like(counts)
+    for one, other in combinations((counts >= LEAST).nonzero()[:, 0].tolist(), 2):
+        leads = scores[:, one] - scores[:, other]
+        first, second = leads[labels == one], leads[labels == other]
+        spread = ((first.var() + second.var()) / 2).sqrt()
+        if first.mean() - second.mean() < APART * spread:
+            smaller = min(one, other, key=counts.tolist().__getitem__)
+            blurred[smaller] = counts[smaller]
+    return int(blurred.sum())
+
+
 def _surest(scores: Tensor, share: float) -> Tensor:
     """Mark (recordings,) the share of each label's recordings whose margin is the largest."""
     labels, margins = scores.argmax(dim=1), _margins(scores)
@@ -234,7 +305,7 @@ def _surest(scores: Tensor, share: float) -> Tensor:
 def _present(scores: Tensor) -> Tensor:
     """Return which classes are clearly among the recordings (classes,).
 
-    What is mistaken for a class that is absent is little. Only where most classes are there the
+    What is mistaken for a class that is absent is little. Only where many classes are there, the
     others are likely to be there, too, and few recordings do that are sure. The usual class is that
     of the median recording, so that one common class does not hide all others.
     """
@@ -244,20 +315,14 @@ def _present(scores: Tensor) -> Tensor:
     usual = ascending[2 * ascending.cumsum(dim=0) >= len(labels)][0]
     enough = counts >= LEAST
     present = enough & (counts >= COMMON * usual)
-    if 2 * present.sum() > len(present):
+    if present.sum() >= MANY * len(present):
         for label in (enough & ~present).nonzero()[:, 0].tolist():
             upper = margins[labels == label].quantile(0.75)
             present[label] = upper >= SURE * margins.median()
     return present
 
 
-def _replace(
-    classifier: SurfaceClassifier,
-    name: str,
-    network: LinearNet,
-    student: _Student,
-    labels: Tensor,
-) -> None:
+def _replace(classifier: SurfaceClassifier, name: str, student: _Student, lesson: _Lesson) -> None:
     """Put a refitted network into a classifier, with what its checkpoint keeps.
 
     The rows stay those of the training, whose labels are known.
@@ -265,10 +330,10 @@ def _replace(
     Args:
         classifier: A copy, which is changed.
         name: Its sense.
-        network: Refitted.
-        student: What it was fitted to.
-        labels: Class index of each recording that taught, -1 of others (recordings,).
+        student: The recordings.
+        lesson: The network, and what it was taught.
     """
+    network, labels = lesson.network, lesson.labels
     taught = labels >= 0
     with torch.no_grad():
         known, others = (

@@ -1,15 +1,19 @@
 """Classify files with a trained network; one JSON object per sample on standard output."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from glob import glob, has_magic
 from pathlib import Path
 from typing import Any
 
+import torch
+from torch import Tensor
+
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
-from tex_lightning.core.console import print_line
+from tex_lightning.core.console import print_line, say
 from tex_lightning.data.readers.folder import suffixes_of
 from tex_lightning.data.recordings import natural_key, plural
 from tex_lightning.errors import UserError
@@ -32,6 +36,8 @@ def run(config: Config, job: Job) -> None:
     predictor = Predictor(load_classifier(str(config.checkpoint)), config)
     predictor.check_senses(config.files)
     samples = match_files({name: find_files(name, value) for name, value in config.files.items()})
+    if config.adapt:
+        predictor = adapted(predictor, samples)
     failures = []
     for files in samples:
         recordings: dict[str, Any] = dict(files)
@@ -47,6 +53,29 @@ def run(config: Config, job: Job) -> None:
     if failures:
         count = f"{len(failures)} of {len(samples)} samples could not be classified:"
         raise UserError(count, *failures)
+
+
+def adapted(predictor: Predictor, samples: Sequence[Mapping[str, Path]]) -> Predictor:
+    """Return a predictor that is adapted to all samples, and say what was done.
+
+    Raises:
+        UserError: If its classifier cannot be adapted.
+    """
+    from tex_lightning.learning.adaptation import adapt  # takes what training takes
+
+    classifier = predictor.classifier
+
+    @torch.inference_mode()
+    def embeddings() -> Iterator[Tensor]:
+        for files in samples:
+            with suppress(UserError):  # which its prediction says
+                decoded = predictor.decoded(files)
+                for name, sense in classifier.senses.items():
+                    yield classifier.embedding(name, decoded[sense.modality][0])
+
+    found = adapt(classifier, embeddings())
+    say(str(found))
+    return Predictor(found.classifier, predictor.config)
 
 
 def find_files(modality: str, value: object) -> list[Path]:

@@ -1,0 +1,91 @@
+"""Adapt a checkpoint to unlabelled recordings: files, or the tested part of a data set."""
+
+import time
+from pathlib import Path
+from typing import Any
+
+from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.config import Config
+from tex_lightning.config.composition import Job
+from tex_lightning.core.console import say
+from tex_lightning.data.folds import split, tested_part
+from tex_lightning.data.readers import read_recordings
+from tex_lightning.data.recordings import Recording, Recordings
+from tex_lightning.errors import UserError
+from tex_lightning.evaluation.outcomes import write_results
+from tex_lightning.inference.predictor import Predictor
+from tex_lightning.learning.adaptation import adapt, check_adaptable
+from tex_lightning.learning.leaks import seen_of
+from tex_lightning.learning.statistics import position_features
+from tex_lightning.studies.dataset import Dataset, open_store
+from tex_lightning.studies.description import show_opening
+from tex_lightning.studies.evaluate_checkpoint import results_frame
+from tex_lightning.tasks.predict import find_files
+
+
+def run(config: Config, job: Job) -> dict[str, Any]:
+    """Fit ``checkpoint`` again with unlabelled recordings; write it and ``results.json``.
+
+    Where that does not seem safe the checkpoint is written as it is, and the reason is said.
+    """
+    begin, source = time.perf_counter(), Path(str(config.checkpoint)).expanduser()
+    classifier = load_classifier(source)
+    check_adaptable(classifier)
+    dataset = open_unlabelled(config, classifier)
+    if not config.files:
+        show_opening(config.data, dataset, f"no labels, for {source}")
+    Predictor(classifier, config)  # puts it on the device that computes
+    (name,), card = classifier.senses, classifier.card
+    rows = dataset.recordings.rows
+    found = adapt(classifier, position_features(classifier, name, rows, dataset.store))
+    target = job.directory / "checkpoints" / f"{card.kind}.ckpt"
+    found.classifier.cpu().save(target)
+    seconds = time.perf_counter() - begin
+    entry = {
+        "adapted": not found.reason,
+        "reason": found.reason or None,
+        "recordings": found.recordings,
+        "taught": found.taught,
+        "changed": found.changed,
+        "adapt_seconds": seconds,
+        "checkpoint": str(target.resolve()),
+    }
+    networks = {card.kind: entry}
+    results = results_frame(config, card.kind, card.classes, dataset.skipped, networks, seconds)
+    write_results(job.directory / "results.json", results)
+    say(f"{found} The checkpoint is {target}.")
+    return results
+
+
+def open_unlabelled(config: Config, classifier: SurfaceClassifier) -> Dataset:
+    """Read and decode the files of the configuration, or else the tested part of its data set.
+
+    What the checkpoint was trained on is left out of a data set. Labels are not looked at.
+
+    Raises:
+        UserError: If there is nothing, or the checkpoint does not use a modality that is given.
+    """
+    card, data = classifier.card, config.data
+    if config.files:
+        Predictor(classifier, config).check_senses(config.files)
+        found = {name: find_files(name, value) for name, value in config.files.items()}
+        rows = Recordings(
+            tuple(
+                Recording("", modality, path.resolve(), str(number))
+                for modality, paths in found.items()
+                for number, path in enumerate(paths)
+            )
+        )
+    else:
+        table = read_recordings(data, card.modalities, least=1)
+        wanted = table.without(row for row in table if row.modality not in card.modalities)
+        tested = split(wanted, data).test
+        rows = tested.without(seen_of(tested, card))
+        if not rows.rows:
+            raise UserError(
+                f"There is nothing to adapt to in {tested_part(data)} that the checkpoint was not "
+                "trained on; give other recordings."
+            )
+    opened = Dataset.decode(rows, Recordings(()), open_store(data, classifier), card.classes)
+    return opened.usable(classifier.senses.values(), skip_bad=data.skip_bad)
