@@ -7,7 +7,7 @@ what its input lacks.
 
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,7 @@ MEASURES = {
 }
 FLAT_SHARE = 0.01  # of the samples, from which on a trace counts as clipped
 MIN_FLAT = 10  # samples; a few at the extremes of a slow trace are none
+FEW = 256  # samples among which a finely digitised trace has so many different ones
 FINE_VALUES = 32  # a coarsely digitised trace often stays at its extremes without being clipped
 UNLIKE = 0.5  # of votes and probabilities that is spread where an input is unlike the training
 UNIFORM = 0.5  # standard deviation in grey levels of 255, below which a photo shows nothing
@@ -60,33 +61,107 @@ def trace_quality(
         what: Name of the signal in messages.
         measures: ``level`` and ``rate`` (:func:`trace_measures`) that are compared with them.
     """
-    low, high = samples.min(axis=1), samples.max(axis=1)
-    constant = low == high
-    if constant.all():
-        how = "constant" if high.any() else "silent"
-        warning = f"The {what} is {how}, so nothing was measured; check the sensor."
-        return Quality((warning,), empty=True)
-    warnings = [
-        f"Axis {axis + 1} of the {what} is constant; check the sensor."
-        for axis in np.flatnonzero(constant)
-    ]
-    flat = max(_count_flat(samples[axis]) for axis in np.flatnonzero(~constant))
-    clipped = flat / samples.shape[1]
-    if clipped >= FLAT_SHARE:
-        warnings.append(
-            f"The {what} is clipped, {clipped:.0%} of it at its largest or smallest value; lower "
-            "the sensor's gain."
-        )
-    return Quality((*warnings, *_unlike(usual, what, measures)))
+    survey = Survey()
+    survey.add(samples)
+    return survey.quality(usual, what, measures)
 
 
-def _count_flat(axis: Array) -> int:
-    """Count repetitions of the extremes of (samples,); 0 for few, or for a coarse digitisation."""
-    extreme = (axis == axis.min()) | (axis == axis.max())
-    flat = int((extreme[1:] & (axis[1:] == axis[:-1])).sum())
-    if flat < MIN_FLAT or len(np.unique(axis)) < FINE_VALUES:  # sorting is slow, so it comes last
-        return 0
-    return flat
+class Survey:
+    """What tells the faults of a signal that goes on, whose samples are not kept."""
+
+    def __init__(self) -> None:
+        self.samples = 0
+        self.axes: list[Axis] = []
+
+    def add(self, samples: Array) -> None:
+        """Look at the next samples (axes, samples), at least one."""
+        self.axes = self.axes or [Axis() for _ in samples]
+        self.samples += samples.shape[1]
+        for axis, values in zip(self.axes, samples, strict=True):
+            axis.add(values)
+
+    def quality(self, usual: Limits, what: str, measures: Mapping[str, float]) -> Quality:
+        """Return the faults so far; arguments are those of :func:`trace_quality`."""
+        constant = [axis.low == axis.high for axis in self.axes]
+        if all(constant):
+            how = "constant" if any(axis.high for axis in self.axes) else "silent"
+            warning = f"The {what} is {how}, so nothing was measured; check the sensor."
+            return Quality((warning,), empty=True)
+        warnings = [
+            f"Axis {axis + 1} of the {what} is constant; check the sensor."
+            for axis in np.flatnonzero(constant)
+        ]
+        clipped = max(axis.flat for axis in self.axes if axis.low != axis.high) / self.samples
+        if clipped >= FLAT_SHARE:
+            warnings.append(
+                f"The {what} is clipped, {clipped:.0%} of it at its largest or smallest value; "
+                "lower the sensor's gain."
+            )
+        return Quality((*warnings, *_unlike(usual, what, measures)))
+
+
+class Axis:
+    """One axis of a :class:`Survey`.
+
+    Attributes:
+        low: Smallest value.
+        high: Largest value.
+    """
+
+    def __init__(self) -> None:
+        self.low, self.high = np.inf, -np.inf
+        self.at_low = self.at_high = 0  # repetitions
+        self.last = self.different = np.zeros(0)
+
+    def add(self, values: Array) -> None:
+        """Look at the next values (samples,)."""
+        low, high = values.min(), values.max()
+        if low < self.low:
+            self.low, self.at_low = low, 0
+        if high > self.high:
+            self.high, self.at_high = high, 0
+        joined = np.concatenate((self.last, values))
+        repeated = joined[1:] == joined[:-1]
+        self.at_low += int((repeated & (joined[1:] == self.low)).sum())
+        self.at_high += int((repeated & (joined[1:] == self.high)).sum())
+        self.last = values[-1:]
+        for part in (values[:FEW], values[FEW:]):  # sorting is slow, and few usually suffice
+            if len(self.different) < FINE_VALUES:
+                self.different = np.unique(np.concatenate((self.different, part)))
+        self.different = self.different[:FINE_VALUES]
+
+    @property
+    def flat(self) -> int:
+        """Repetitions of the extremes; 0 for few, or for a coarse digitisation."""
+        flat = self.at_low + self.at_high
+        return 0 if flat < MIN_FLAT or len(self.different) < FINE_VALUES else flat
+
+
+class Level:
+    """The :func:`level` of a signal that goes on (Chan, Golub and LeVeque 1983)."""
+
+    def __init__(self) -> None:
+        self.samples: int = 0
+        self.mean: Any = 0.0
+        self.squares: Any = 0.0  # of deviations, (axes,)
+
+    def plus(self, samples: Array) -> "Level":
+        """Return that with the next samples (axes, samples)."""
+        total, more = Level(), samples.shape[1]
+        if not more:
+            return self
+        total.samples = self.samples + more
+        away = samples.mean(axis=1, dtype=np.float64) - self.mean
+        total.mean = self.mean + away * more / total.samples
+        between = away**2 * self.samples * more / total.samples
+        within = samples.var(axis=1, dtype=np.float64) * more
+        total.squares = self.squares + within + between
+        return total
+
+    @property
+    def value(self) -> float:
+        """The level so far, of at least one sample."""
+        return float(np.sqrt(np.sum(self.squares) / self.samples))
 
 
 def trace_measures(trace: Array, rate: float, sampling_rate: float) -> dict[str, float]:

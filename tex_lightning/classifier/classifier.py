@@ -6,7 +6,6 @@ that prediction from raw files does exactly what testing did.
 
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, cast
 
@@ -31,6 +30,7 @@ from tex_lightning.networks.blocks import (
     shared_copy,
 )
 from tex_lightning.networks.fusionnet import FusionLayer, bounded
+from tex_lightning.networks.planes import LineOrPlanes
 from tex_lightning.senses.base import Sense, content, make_sense
 from tex_lightning_runtime.samples import content_seed
 
@@ -290,7 +290,7 @@ class SurfaceClassifier(nn.Module):
         """Decide by the scores of all senses; ``seed`` is that of the tuples."""
         logits = self.fuse([sensed[name].partial_logits for name in self.senses], seed)
         vote, novelty = self.decide(logits, self.card.temperature), join_novelties(sensed.values())
-        return vote if novelty is None else replace(vote, novelty=float(novelty))
+        return vote if novelty is None else vote.with_novelty(novelty)
 
     def seed(self, **recordings: Tensor) -> int:
         """Return the seed of the random choices for one sample of decoded recordings."""
@@ -457,10 +457,21 @@ def join_novelties(outputs: Iterable[SenseOutput]) -> Tensor | None:
     return sum(known, torch.zeros_like(known[0]))
 
 
-def class_scores(network: nn.Module, features: Tensor) -> Tensor:
-    """Return class scores (classes, positions) of FC2's features (D, positions)."""
+def class_scores(
+    network: nn.Module, features: Tensor, whole: tuple[Tensor, int] | None = None
+) -> Tensor:
+    """Return class scores (classes, positions) of FC2's features (D, positions).
+
+    Args:
+        network: A network with a ``score_layer``.
+        features: Of all positions of a recording, or of some.
+        whole: Mean features (D,) of all its positions and their number, where these are some.
+    """
     if isinstance(head := getattr(network, "head", None), Head):
-        scores: Tensor = head.scores(features[None, :, :, None])
+        given: list[Any] = [features[None, :, :, None]]
+        if whole is not None and isinstance(head.scores, LineOrPlanes):
+            given.append((whole[0][None, :, None], whole[1]))
+        scores: Tensor = head.scores(*given)
         return scores[0, :, :, 0]
     layer: Any = score_layer_of(network)
     logits: Tensor = layer.weight.flatten(1) @ features + layer.bias[:, None]

@@ -53,6 +53,10 @@ class Vote:
         """Decide the same fragments by the largest mean probability."""
         return replace(self, label=int(self.probabilities.argmax()), by_mean=True)
 
+    def with_novelty(self, novelty: Tensor) -> "Vote":
+        """Return the vote of a sample whose novelty () is known."""
+        return replace(self, novelty=float(novelty))
+
     def doubted(self, share: float) -> "Vote":
         """Return the vote with a ``share`` of votes and probabilities spread over all classes."""
         even = share / len(self.shares)
@@ -61,6 +65,56 @@ class Vote:
             shares=self.shares * (1 - share) + even,
             probabilities=self.probabilities * (1 - share) + even,
         )
+
+
+class Tally:
+    """What fragments add to a vote, so that they need not be kept.
+
+    Args:
+        classes: Number of classes.
+        temperature: Logits are divided by it before they become probabilities.
+
+    Attributes:
+        votes: (classes,) int64, fragments for which each class is the most probable.
+        sums: (classes,) float64, sums of probabilities.
+        scores: (classes,) float64, sums of logits.
+    """
+
+    def __init__(self, classes: int, temperature: float) -> None:
+        self.temperature = temperature
+        self.votes = torch.zeros(classes, dtype=torch.int64)
+        self.sums, self.scores = torch.zeros(2, classes, dtype=torch.float64)
+
+    def plus(self, logits: Tensor) -> "Tally":
+        """Return the tally with further fragments (classes, fragments).
+
+        Raises:
+            UserError: If a score is NaN or infinite, which would win or lose every vote.
+        """
+        logits, more = logits.detach().cpu(), Tally(len(self.votes), self.temperature)
+        more.sums = probabilities(logits, self.temperature)
+        more.votes = torch.bincount(logits.argmax(dim=0), minlength=len(self.votes))
+        more.scores = logits.double().sum(dim=1)
+        return self.joined(more)
+
+    def joined(self, other: "Tally") -> "Tally":
+        """Return the tally of the fragments of both."""
+        total = Tally(len(self.votes), self.temperature)
+        total.sums, total.votes = self.sums + other.sums, self.votes + other.votes
+        total.scores = self.scores + other.scores
+        return total
+
+    def vote(self, fragments: Tensor | None = None) -> Vote:
+        """Return the :func:`max_vote`; without ``fragments`` their order is not known."""
+        count, every = int(self.votes.sum()), np.arange(len(self.votes))
+        label = int(np.lexsort((-every, self.sums, self.votes))[-1])
+        if fragments is None:
+            fragments = torch.repeat_interleave(self.votes)
+        return Vote(label, self.votes / count, fragments, self.sums / count)
+
+    def score_vote(self) -> Vote:
+        """Return the :func:`score_vote`."""
+        return by_score(self.vote(), self.scores / self.votes.sum() / self.temperature)
 
 
 def max_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
@@ -80,10 +134,7 @@ def max_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
     classes, count = logits.shape
     if count == 0:
         raise ValueError("a vote needs at least one fragment")
-    sums, fragments = probabilities(logits, temperature), logits.argmax(dim=0)
-    votes = torch.bincount(fragments, minlength=classes)
-    label = int(np.lexsort((-np.arange(classes), sums, votes))[-1])
-    return Vote(label, votes / count, fragments, sums / count)
+    return Tally(classes, temperature).plus(logits).vote(logits.argmax(dim=0))
 
 
 def mean_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
@@ -102,7 +153,12 @@ def score_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
     """
     logits = logits.cpu()
     vote, mean = max_vote(logits, temperature), logits.double().mean(dim=1)
-    return replace(vote, probabilities=(mean / temperature).softmax(dim=0)).deciding_by_mean()
+    return by_score(vote, mean / temperature)
+
+
+def by_score(vote: Vote, score: Tensor) -> Vote:
+    """Decide by the mean score (classes,) of the fragments, divided by the temperature."""
+    return replace(vote, probabilities=score.softmax(dim=0)).deciding_by_mean()
 
 
 def probabilities(logits: Tensor, temperature: float = 1.0) -> Tensor:
@@ -143,11 +199,13 @@ class Rule:
 
     Attributes:
         decide: Makes a vote of logits (classes, fragments) and a temperature.
+        of_tally: Makes the same vote of fragments that were added up.
         by_mean_score: Whether the mean score decides, so that a recording is taken whole and its
             fragments are not asked one by one.
     """
 
     decide: Callable[[Tensor, float], Vote]
+    of_tally: Callable[[Tally], Vote]
     by_mean_score: bool = False
 
     def __call__(self, logits: Tensor, temperature: float = 1.0) -> Vote:
@@ -156,7 +214,7 @@ class Rule:
 
 
 RULES = {
-    "vote": Rule(max_vote),
-    "mean": Rule(mean_vote),
-    "score": Rule(score_vote, by_mean_score=True),
+    "vote": Rule(max_vote, Tally.vote),
+    "mean": Rule(mean_vote, lambda tally: tally.vote().deciding_by_mean()),
+    "score": Rule(score_vote, Tally.score_vote, by_mean_score=True),
 }

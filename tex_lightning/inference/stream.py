@@ -1,15 +1,16 @@
 """A live recording: samples in, predictions out.
 
-Samples are resampled to the rate of the training. Every vote classifies anew: everything so far, or
-the last seconds (``stream.window``). A fragment of HapticNet sees 2 s; a spectrogram of a window
-that is shorter is repeated until it fills one: a texture goes on as it began.
+Samples are resampled to the rate of the training. A vote goes on from the one before
+(:mod:`~tex_lightning.inference.continued`), where the classifier allows it. Else, and over the last
+seconds (``stream.window``), every vote classifies anew. A fragment of HapticNet sees 2 s; a
+spectrogram of a window that is shorter is repeated until it fills one: a texture goes on as it
+began.
 """
 
 import time
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -17,63 +18,14 @@ from tex_lightning.classifier.classifier import SenseOutput, SurfaceClassifier
 from tex_lightning.classifier.vote import Vote
 from tex_lightning.config import StreamConfig
 from tex_lightning.core.devices import synchronise
-from tex_lightning.data.decode import Array
 from tex_lightning.errors import UserError
+from tex_lightning.inference.continued import Continued, continued
+from tex_lightning.inference.live_signal import FlowingSignal, LiveSignal
 from tex_lightning.inference.prediction import Prediction, make_prediction
 from tex_lightning.senses.signal import SignalSense
 from tex_lightning_runtime.quality import Quality, together
-from tex_lightning_runtime.resampling import rate_ratio
-from tex_lightning_runtime.samples import as_trace
 
 MIN_SECONDS = 0.3  # of a window that votes
-
-
-class LiveSignal:
-    """Check and keep the incoming samples.
-
-    Args:
-        sense: Sense of the signal.
-        rate: Rate of the samples in Hz; None is the checkpoint's.
-        window: Length in seconds of what is kept, the end of the signal; None keeps everything.
-
-    Attributes:
-        rate: Rate in Hz that samples must have.
-        samples: Number of samples so far.
-        kept: Kept samples (axes, samples) as they came; None before the first.
-
-    Raises:
-        UserError: If there is no such rate, or it is too far from the checkpoint's.
-    """
-
-    def __init__(self, sense: SignalSense, rate: float | None, window: float | None) -> None:
-        self.sense, target = sense, sense.decoder.sampling_rate
-        self.rate = target if rate is None else rate
-        rate_ratio(self.rate, target, sense.modality)
-        self.limit = None if window is None else round(window * self.rate)
-        self.samples = 0
-        self.kept: Array | None = None
-
-    def push(self, samples: Any) -> None:  # noqa: ANN401  (what NumPy can read)
-        """Append samples.
-
-        Args:
-            samples: (samples,) or (axes, samples), as many axes as before.
-
-        Raises:
-            UserError: If they are no such samples.
-        """
-        decoder, name = self.sense.decoder, self.sense.modality
-        chunk = as_trace(samples, name, decoder.channels, is_chunk=True)
-        kept = chunk[:, :0] if self.kept is None else self.kept
-        if len(chunk) != len(kept):
-            raise UserError(
-                f"A chunk has the shape {tuple(np.shape(samples))}; give (axes, samples) with as "
-                f"many axes as before, {len(kept)}."
-            )
-        self.samples += chunk.shape[1]
-        self.kept = np.concatenate((kept, chunk), axis=1)
-        if self.limit is not None:
-            self.kept = self.kept[:, -self.limit :].copy()
 
 
 class LiveStream:
@@ -104,10 +56,17 @@ class LiveStream:
         self.card, self.classifier, self.top_k = classifier.card, classifier, top_k
         self.window, senses = config.window, classifier.senses
         self.live = {name: x for name, x in senses.items() if isinstance(x, SignalSense)}
-        self.signals = {
-            sense.modality: LiveSignal(sense, rates[sense.modality], self.window)
-            for sense in self.live.values()
-        }
+        self.continued = continued(classifier) if self.window is None else None
+        self.signals: dict[str, LiveSignal] = {}
+        for sense in self.live.values():
+            name, rate = sense.modality, rates[sense.modality]
+            ranges = self.card.input_ranges.get(name, {})
+            flows = self.continued is not None
+            self.signals[name] = (
+                FlowingSignal(sense, rate, ranges)
+                if flows
+                else LiveSignal(sense, rate, self.window)
+            )
         self.photo_quality = [quality for _, quality in photos.values()]
         with torch.inference_mode():
             self.fixed = {
@@ -147,9 +106,11 @@ class LiveStream:
                 f"This stream takes {' and '.join(self.signals)} with every push; give "
                 f"{', '.join(f'{name}=SAMPLES' for name in self.signals)}."
             )
-        for name, chunk in chunks.items():
-            self.signals[name].push(chunk)
-        return self._predict(begin)
+        vote, quality = self._continue(chunks) if self.continued else self._anew(chunks)
+        synchronise(self.classifier.device)
+        latency = time.perf_counter() - begin
+        used = self.card.modalities if len(self.card.sense_names) > 1 else ()
+        return make_prediction(vote, self.card, quality, self.top_k, latency, used)
 
     def check(self) -> None:
         """Make sure that there was a vote.
@@ -161,10 +122,25 @@ class LiveStream:
             raise self.failure
 
     @torch.inference_mode()
-    def _predict(self, begin: float) -> Prediction:
+    def _continue(self, chunks: Mapping[str, Any]) -> tuple[Vote | None, Quality]:
+        """Vote with further samples of the only signal."""
+        ((name, chunk),) = chunks.items()
+        signal = cast(FlowingSignal, self.signals[name])
+        new, ahead, quality = signal.take(chunk)
+        try:
+            vote: Vote | None = cast(Continued, self.continued).push(new, ahead)
+            self.failure = None
+        except UserError as error:
+            vote, self.failure = None, self.failure and error
+        return vote, quality
+
+    @torch.inference_mode()
+    def _anew(self, chunks: Mapping[str, Any]) -> tuple[Vote | None, Quality]:
+        """Vote by everything that is kept."""
         inputs: dict[str, Tensor] = {}
         qualities = list(self.photo_quality)
         for modality, signal in self.signals.items():
+            signal.push(chunks[modality])
             if signal.kept is not None:
                 ranges = self.card.input_ranges.get(modality, {})
                 whole = signal.kept, signal.rate, ranges, modality
@@ -175,10 +151,7 @@ class LiveStream:
         if outputs is not None:  # random tuples have the same seed every time
             seed = self.card.decision["seed"]
             vote = self.classifier.vote({**self.fixed, **outputs}, seed)
-        synchronise(self.classifier.device)
-        latency = time.perf_counter() - begin
-        used = self.card.modalities if len(self.card.sense_names) > 1 else ()
-        return make_prediction(vote, self.card, together(qualities), self.top_k, latency, used)
+        return vote, together(qualities)
 
     def _outputs(self, recordings: Mapping[str, Tensor]) -> dict[str, SenseOutput] | None:
         """Return what the live senses give for their recordings; None if one is too short."""

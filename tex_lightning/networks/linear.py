@@ -108,10 +108,16 @@ class RangeGate(nn.Module):
         squares: Tensor = x.flatten(2).mean(dim=2).square() @ self.member.to(x.dtype).T
         return squares
 
-    def forward(self, x: Tensor) -> Tensor:
-        """Return features (B, D, M, N) with zeros in the groups that are out of range."""
-        limits = self.limits * (self.fragments / x[0, 0].numel()).clamp_min(1)
-        outside = (self.lengths(x) > limits).to(x.dtype) @ self.member.to(x.dtype)
+    def forward(self, x: Tensor, whole: tuple[Tensor, int] | None = None) -> Tensor:
+        """Return features (B, D, M, N) with zeros in the groups that are out of range.
+
+        Args:
+            x: Features of all fragments of a recording, or of some.
+            whole: Mean (B, D, 1) of all its fragments and their number; None takes those of ``x``.
+        """
+        mean, count = (x, x[0, 0].numel()) if whole is None else whole
+        limits = self.limits * (self.fragments / count).clamp_min(1)
+        outside = (self.lengths(mean) > limits).to(x.dtype) @ self.member.to(x.dtype)
         inside: Tensor = x * (1 - outside.clamp(max=1))[:, :, None, None]
         return inside
 

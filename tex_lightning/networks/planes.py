@@ -216,8 +216,16 @@ class LineOrPlanes(nn.Sequential):
         planes = ClassPlanes(layer.out_channels)
         super().__init__(OrderedDict([("0", gate), ("planes", planes), ("1", layer)]))
 
-    def forward(self, x: Tensor) -> Tensor:
-        """Map features (B, D, M, N) to class scores before softmax (B, classes, M, N)."""
+    def forward(self, x: Tensor, whole: tuple[Tensor, int] | None = None) -> Tensor:
+        """Map features (B, D, M, N) to class scores before softmax (B, classes, M, N).
+
+        ``whole`` is what the gate takes (:class:`~tex_lightning.networks.linear.RangeGate`).
+        """
         gate, planes, layer = self
-        scores: Tensor = (planes if cast(ClassPlanes, planes).in_use else layer)(gate(x))
+        scores: Tensor = (layer if self.is_linear else planes)(gate(x, whole))
         return scores
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether the score of a mean is the mean of the scores."""
+        return not cast(ClassPlanes, self.planes).in_use

@@ -65,15 +65,30 @@ def resting(trace: Tensor, sampling_rate: float, length: int) -> Tensor:
         sampling_rate: Sampling rate in Hz.
         length: Samples of a block.
     """
-    run = max(1, round(REST_SECONDS * sampling_rate / length))
-    count = trace.shape[-1] // length
-    blocks = trace[:, : count * length].reshape(trace.shape[0], count, length)
-    power = blocks.var(dim=-1, correction=0).sum(dim=0)
+    power = block_power(trace, length)
+    count = power.shape[0]
     loud = power.sort().values[LOUD * (count - 1) // 10]
-    quiet = pad((power < REST_POWER * loud).to(trace.dtype), (run - 1, run - 1))
-    rest = sums((sums(quiet, run) == run).to(trace.dtype), run) > 0  # in some run of quiet blocks
+    rest = in_runs(power < REST_POWER * loud, run_length(sampling_rate, length))
     block = torch.arange(trace.shape[-1], device=trace.device) // length
     return rest[block.clamp(max=count - 1)]
+
+
+def run_length(sampling_rate: float, length: int) -> int:
+    """Return how many blocks of so many samples the shortest rest has."""
+    return max(1, round(REST_SECONDS * sampling_rate / length))
+
+
+def block_power(trace: Tensor, length: int) -> Tensor:
+    """Return the power (blocks,) of whole blocks of a signal (axes, samples), without means."""
+    count = trace.shape[-1] // length
+    blocks = trace[:, : count * length].reshape(trace.shape[0], count, length)
+    return blocks.var(dim=-1, correction=0).sum(dim=0)
+
+
+def in_runs(quiet: Tensor, run: int) -> Tensor:
+    """Return which blocks (blocks,) are in ``run`` quiet ones in a row."""
+    padded = pad(quiet.float(), (run - 1, run - 1))
+    return sums((sums(padded, run) == run).float(), run) > 0
 
 
 def sums(values: Tensor, length: int) -> Tensor:

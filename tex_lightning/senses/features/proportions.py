@@ -201,13 +201,17 @@ class BandProportions(nn.Module):
         """
         if self.skip_impact:
             trace = moving(trace, self.sampling_rate)
+        self.check_length(trace)
+        return trace
+
+    def check_length(self, trace: Tensor) -> None:
+        """Reject a movement (axes, samples) likewise."""
         if trace.shape[-1] < self.min_samples:
             raise UserError(
                 f"The signal has {trace.shape[-1] / self.sampling_rate:.2g} s of movement, less "
                 f"than the shortest window of {self.min_samples / self.sampling_rate:.2g} s; "
                 "record a longer stroke."
             )
-        return trace
 
     def filled(self, movement: Tensor) -> Tensor:
         """Return a movement (axes, samples), mirrored until the longest window fits it."""
@@ -248,15 +252,15 @@ class BandProportions(nn.Module):
         length = self.lengths[index]
         return (samples - length) // hop_length(length) + 1
 
-    def in_blocks(self, movement: Tensor, index: int) -> Iterator[Tensor]:
+    def in_blocks(self, movement: Tensor, index: int, begin: int = 0) -> Iterator[Tensor]:
         """Yield the same as :meth:`responses` some frames (block, channels) at a time.
 
-        Memory then does not grow with the movement (axes, samples).
+        Memory then does not grow with the movement (axes, samples). ``begin`` is the first frame.
         """
         frames = self.count_frames(movement.shape[-1], index)
         size = BLOCK // (len(movement) * self.lengths[index])
         size = min(max(size, MIN_BLOCK), MAX_BLOCK)
-        for first in range(0, frames, size):
+        for first in range(begin, frames, size):
             yield self.responses(movement, index, first, min(frames, first + size))
 
     def compare(self, power: Tensor, index: int) -> Tensor:
@@ -345,17 +349,23 @@ class BandProportions(nn.Module):
                 f"The signal has {len(trace)} channels, and this network was trained on "
                 f"{self.levels}; give a recording of the same sensor."
             )
-        movement = self.movement(trace)
+        return self.describe(self.movement(trace))
+
+    def describe(self, movement: Tensor) -> Tensor:
+        """Map a movement (axes, samples) that was cut out to the same features."""
         samples, movement = movement.shape[-1], self.filled(movement)
         frames = [self.count_frames(movement.shape[-1], index) for index in self.used]
         fewest = frames[self.used.index(self.longest)]
-        wanted = round(samples / self.sampling_rate / self.fragment_seconds)
-        fragments = min(fewest, max(1, wanted))
+        fragments = min(fewest, self.count_fragments(samples))
         summaries = [
             self.summary(self.in_blocks(movement, index), index, count, fragments)
             for index, count in zip(self.used, frames, strict=True)
         ]
         return self.join(summaries, movement, fragments)
+
+    def count_fragments(self, samples: int) -> int:
+        """Return how many fragments so many samples of movement are to have, at least one."""
+        return max(1, round(samples / self.sampling_rate / self.fragment_seconds))
 
     def summary(self, blocks: Iterable[Tensor], index: int, frames: int, fragments: int) -> Tensor:
         """Return the features (D, fragments) of one window.
@@ -375,13 +385,20 @@ class BandProportions(nn.Module):
         parts = [above.mean.permute(2, 0, 1).flatten(0, 1), means.mean.T[: sum(bands[:2])]]
         return torch.cat((*parts, means.variance.T.sqrt()) if self.levels else parts)
 
-    def join(self, summaries: Iterable[Tensor], movement: Tensor, fragments: int) -> Tensor:
+    def join(
+        self,
+        summaries: Iterable[Tensor],
+        movement: Tensor,
+        fragments: int,
+        mean: Tensor | None = None,
+    ) -> Tensor:
         """Return the features (1, 1, D, fragments) of all windows.
 
         Args:
             summaries: Features (D, fragments) of each window in use.
             movement: (axes, samples), for the levels.
             fragments: Number of equal fragments.
+            mean: (axes, 1) of a longer movement that this is a part of; None takes its own.
         """
         by_window = dict(zip(self.used, summaries, strict=True))
         blank = movement.new_zeros
@@ -390,17 +407,21 @@ class BandProportions(nn.Module):
             for index in range(len(self.lengths))
         ]
         if self.levels:
-            parts.append(self._levels(movement, fragments))
+            mean = movement.mean(dim=-1, keepdim=True) if mean is None else mean
+            parts.append(self._levels(movement, fragments, mean))
         return torch.cat(parts)[None, None]
 
-    def _levels(self, movement: Tensor, fragments: int) -> Tensor:
-        """Return mean and logarithm of the deviation of each channel (2 * levels, fragments)."""
+    def _levels(self, movement: Tensor, fragments: int, whole: Tensor) -> Tensor:
+        """Return mean and logarithm of the deviation of each channel (2 * levels, fragments).
+
+        Deviations are from ``whole`` (axes, 1), the mean of the whole movement.
+        """
         moments = Moments(movement.shape[-1], fragments)
         every = movement.T
         for block in (every,) if torch.compiler.is_exporting() else torch.split(every, MAX_BLOCK):
             moments.add(block, squares=True)
         mean = moments.mean.T
-        away = mean - movement.mean(dim=-1, keepdim=True)
+        away = mean - whole
         square = moments.variance.T + away.square()
         tiny = torch.finfo(mean.dtype).tiny
         level = torch.where(self.positive[:, None], mean.clamp_min(tiny).log(), mean)

@@ -217,7 +217,11 @@ class SpectrogramFeatures(nn.Module):
                 f"The signal has {samples / self.sampling_rate:.2f} s of movement, less than one "
                 f"window of {self.window_length} samples; record a longer stroke."
             )
-        if self.axes == "trace" and len(trace) > 1:
+        return self.spectra(movement)
+
+    def spectra(self, movement: Tensor) -> Tensor:
+        """Return the same of a movement (axes, samples) that was cut out, one window or longer."""
+        if self.axes == "trace" and len(movement) > 1:
             movement = dft321(movement)[None]
         else:  # with axes=frame every frame loses its mean anyway: this keeps digits from gravity
             movement = movement - movement.mean(dim=-1, keepdim=True)

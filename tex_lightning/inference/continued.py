@@ -1,0 +1,383 @@
+"""The vote over a signal that goes on, whatever its length in the same time and memory.
+
+What cannot change any more is added up and forgotten: samples, frames, fragments. The first
+:data:`EXACT_SECONDS` are classified as a recording is. Later the vote of a spectrogram's network is
+that of the recording so far, but for rounding. Of band proportions it may differ a little:
+fragments end at multiples of their length and not at equal parts of the recording, and what was
+judged to be a rest :data:`~.movement.REST_SECONDS` later stays one. What turns out to be one when
+louder movement comes is taken back, a fragment at a time.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from tex_lightning.classifier.classifier import SurfaceClassifier, class_scores
+from tex_lightning.classifier.vote import RULES, Tally, Vote
+from tex_lightning.core.devices import computing_threads, full_precision
+from tex_lightning.data.decode import Array
+from tex_lightning.networks.geometry import padded_positions, reach
+from tex_lightning.networks.linear import LinearNet
+from tex_lightning.senses.features.movement import (
+    LOUD,
+    REST_POWER,
+    block_length,
+    block_power,
+    in_runs,
+    movement_start,
+    run_length,
+)
+from tex_lightning.senses.features.proportions import OVERLAP, BandProportions, hop_length
+from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
+
+EXACT_SECONDS, EXACT_SAMPLES = 3, 1000  # whichever is longer
+PER_OCTAVE = 4  # of power, in which fragments are told apart that may turn out to be rests
+
+
+class Judged(NamedTuple):
+    """A part of a signal (axes, samples), and which samples (samples,) belong to a rest."""
+
+    signal: Tensor
+    rests: Tensor
+
+    @property
+    def movement(self) -> Tensor:
+        """The rest of it, (axes, samples)."""
+        return self.signal[:, ~self.rests] if bool(self.rests.any()) else self.signal
+
+
+class LiveRests:
+    """Judge where the tool rests (:func:`~.movement.resting`) while a signal goes on.
+
+    Args:
+        sampling_rate: Sampling rate in Hz.
+        skip: Whether there are rests; else everything is movement.
+    """
+
+    def __init__(self, sampling_rate: float, skip: bool) -> None:
+        self.length = block_length(sampling_rate) if skip else None
+        self.run = 0 if self.length is None else run_length(sampling_rate, self.length)
+        self.powers: Array = np.zeros(0, np.float32)  # of all blocks, in order of size
+        self.before: Array = np.zeros(0, np.float32)  # of the last settled ones
+        self.limit = 0.0  # power below which blocks are quiet
+        self.pending: Tensor | None = None
+
+    def push(self, new: Tensor, ahead: Tensor) -> tuple[Judged, Judged]:
+        """Return what is settled now, and what comes after it.
+
+        Args:
+            new: (axes, samples).
+            ahead: What comes after, for now.
+        """
+        pending = new if self.pending is None else torch.cat((self.pending, new), dim=1)
+        now = torch.cat((pending, ahead), dim=1)
+        rests = torch.zeros(now.shape[1], dtype=torch.bool, device=now.device)
+        settled = pending.shape[1]
+        if self.length is not None:
+            blocks = max(0, settled // self.length - self.run)
+            settled = blocks * self.length
+            rests = self._judge(now, self.length, blocks)
+        self.pending = pending[:, settled:].clone()
+        first = Judged(now[:, :settled], rests[:settled])
+        return first, Judged(now[:, settled:], rests[settled:])
+
+    def _judge(self, now: Tensor, length: int, settled: int) -> Tensor:
+        power = block_power(now, length).cpu().numpy()
+        every = np.insert(self.powers, np.searchsorted(self.powers, np.sort(power)), np.sort(power))
+        self.limit = REST_POWER * every[LOUD * (len(every) - 1) // 10]
+        quiet = torch.from_numpy(np.concatenate((self.before, power)) < self.limit)
+        rests = in_runs(quiet, self.run)[len(self.before) :].to(now.device)
+        done = np.sort(power[:settled])
+        self.powers = np.insert(self.powers, np.searchsorted(self.powers, done), done)
+        self.before = np.concatenate((self.before, power[:settled]))[-self.run :]
+        block = torch.arange(now.shape[1], device=now.device) // length
+        return rests[block.clamp(max=len(power) - 1)]
+
+
+@dataclass
+class Sums:
+    """What fragments have added up to.
+
+    Attributes:
+        tally: Their votes, probabilities and scores.
+        total: (D,) float64, of their embeddings.
+        count: Their number.
+    """
+
+    tally: Tally
+    total: Tensor | float = 0.0
+    count: int = 0
+
+    def joined(self, other: "Sums") -> "Sums":
+        """Return the sums of both."""
+        return Sums(
+            self.tally.joined(other.tally), self.total + other.total, self.count + other.count
+        )
+
+
+class Continued(ABC):
+    """The vote of one sense over a signal that goes on.
+
+    Args:
+        classifier: Classifier of this sense alone.
+    """
+
+    features: Any
+
+    def __init__(self, classifier: SurfaceClassifier) -> None:
+        self.classifier, self.card = classifier, classifier.card
+        ((self.name, self.sense),) = classifier.senses.items()
+        self.features = self.sense.features
+        self.layer = classifier.embedding_layer(self.name)
+        rate, skip = self.features.sampling_rate, self.features.skip_impact
+        self.exact = max(math.ceil(EXACT_SECONDS * rate), EXACT_SAMPLES)
+        self.rests = LiveRests(rate, skip)
+        self.beginning: Tensor | None = None
+        self.began = False
+        self.count = 0  # of fragments that were added up
+        self.sums: dict[float, Sums] = {}  # by quarter octaves of power, where rests are left out
+
+    def push(self, new: Tensor, ahead: Tensor) -> Vote:
+        """Return the vote over the signal so far.
+
+        Args:
+            new: Samples (axes, samples) at the rate of the sense.
+            ahead: What comes after them as if the signal ended here; the next call replaces it.
+
+        Raises:
+            UserError: If there is no fragment yet.
+        """
+        new, ahead = new.to(self.classifier.device), ahead.to(self.classifier.device)
+        if not self.began:
+            whole = new if self.beginning is None else torch.cat((self.beginning, new), dim=1)
+            if whole.shape[1] <= self.exact:
+                self.beginning = whole
+                recording = torch.cat((whole, ahead), dim=1)
+                return self.classifier.classify(**{self.sense.modality: recording})
+            rate = self.features.sampling_rate
+            start = movement_start(whole, rate) if self.features.skip_impact else 0
+            new, self.beginning, self.began = whole[:, start:], None, True
+        threads = self.classifier.threads(self.name, new)
+        with computing_threads(threads), full_precision(new.device):
+            return self._go_on(*self.rests.push(new, ahead))
+
+    @abstractmethod
+    def _go_on(self, settled: Judged, rest: Judged) -> Vote:
+        """Return the vote when more of the signal is settled, and the rest comes after."""
+
+    def _embedding(self, x: Tensor) -> Tensor:
+        """Return the features (D, positions) of a network input."""
+        return self.sense.dense_grid(x, self.layer).flatten(1)
+
+    def _add(self, embedding: Tensor, key: float = math.inf) -> None:
+        """Add up fragments (D, positions); ``key`` is their power where they may be rests."""
+        sums, _ = self._sums_of(embedding, self._added())
+        self.sums[key] = self.sums[key].joined(sums) if key in self.sums else sums
+        self.count += sums.count
+
+    def _added(self) -> Sums:
+        """Return the sums of all fragments but those that are rests by what is known now."""
+        limit, sums = self.rests.limit, self._blank()
+        least = PER_OCTAVE * math.log2(limit) if limit > 0 else -math.inf
+        for key, some in self.sums.items():
+            sums = sums.joined(some) if key + 1 > least else sums
+        return sums
+
+    def _blank(self) -> Sums:
+        return Sums(Tally(len(self.card.classes), self.card.temperature))
+
+    def _sums_of(self, embedding: Tensor, before: Sums) -> tuple[Sums, Tensor]:
+        """Return the sums of further fragments (D, positions), and the mean (D,) of all."""
+        sums = self._blank()
+        sums.total, sums.count = embedding.cpu().double().sum(dim=1), embedding.shape[1]
+        count = before.count + sums.count
+        mean = ((before.total + sums.total) / count).to(embedding)
+        sums.tally = sums.tally.plus(self._scores(embedding, (mean, count)))
+        return sums, mean
+
+    def _vote(self, embedding: Tensor) -> Vote:
+        """Vote with further fragments (D, positions) that are not added up."""
+        before = self._added()
+        sums, mean = self._sums_of(embedding, before)
+        every, network = before.joined(sums), self.sense.network
+        if isinstance(network, LinearNet) and network.head.scores.is_linear:
+            score = self._scores(mean[:, None], (mean, every.count))  # by what is in range by now
+            every.tally.scores = every.count * score[:, 0].cpu().double()
+        known, vote = (
+            self.classifier.statistics_of(self.name),
+            RULES[self.card.rule].of_tally(every.tally),
+        )
+        return vote if known is None else vote.with_novelty(known.novelty(mean))
+
+    def _scores(self, embedding: Tensor, whole: tuple[Tensor, int]) -> Tensor:
+        if self.layer == self.classifier.level(self.name):
+            return embedding
+        return class_scores(self.sense.network, embedding, whole)
+
+
+class ContinuedSpectrogram(Continued):
+    """Of a network whose positions each see a window of a spectrogram.
+
+    Attributes:
+        samples: (axes, samples) of which there are no frames yet.
+        frames: (1, 1, bands, frames) that the positions to come depend on.
+        first: Number of the first of them.
+        cut: Samples of the movement, without a rest at its end.
+    """
+
+    features: SpectrogramFeatures
+
+    def __init__(self, classifier: SurfaceClassifier) -> None:
+        super().__init__(classifier)
+        geometry = self.sense.geometry
+        assert geometry is not None
+        self.windows = geometry.layers[1]
+        self.samples: Tensor | None = None
+        self.frames: Tensor | None = None
+        self.first = self.length = self.cut = 0
+        self.last: Vote | None = None
+
+    def _go_on(self, settled: Judged, rest: Judged) -> Vote:
+        moving = (~torch.cat((settled.rests, rest.rests))).nonzero()
+        self.cut = self.length + int(moving[-1]) + 1 if len(moving) else self.cut
+        self.length += settled.signal.shape[1]
+        signals = settled.signal if self.samples is None else (self.samples, settled.signal)
+        samples = torch.cat(signals, dim=1) if isinstance(signals, tuple) else signals
+        frames = self._appended(self.frames, samples)
+        done = self.features.frames(samples.shape[1])
+        self.samples = samples[:, done * self.features.hop_length :].clone()
+        every = self._appended(frames, torch.cat((self.samples, rest.signal), dim=1))
+        return self._voted(frames, every)
+
+    def _appended(self, frames: Tensor | None, samples: Tensor) -> Tensor:
+        """Return frames (1, 1, bands, frames) with those of further samples (axes, samples)."""
+        blank = self.sense.blank(self.features.bands, 0).to(samples)
+        known = blank if frames is None else frames
+        if not self.features.frames(samples.shape[1]):
+            return known
+        more = self.features.normalise(self.features.spectra(samples))
+        return torch.cat((known, more[None, None]), dim=-1)
+
+    def _voted(self, settled: Tensor, every: Tensor) -> Vote:
+        """Vote by all frames up to the cut, and add up positions that only settled ones reach."""
+        end, stride, added = self.features.frames(self.cut), self.sense.stride, self.count
+        skip = added - self.first // stride
+        found: Tensor | None = None
+        if not added or reach(self.windows, added) <= end:  # else the tool rests since then
+            found = self._embedding(every[..., : end - self.first])[:, skip:]
+            self.last = self._vote(found)
+        last = self.first + settled.shape[-1]
+        count = (last - reach(self.windows, 1)) // stride + 1
+        if count > added:
+            if found is None or reach(self.windows, count) > end:
+                found = self._embedding(settled)[:, skip:]
+            self._add(found[:, : count - added])
+            first = max(0, count - padded_positions(self.windows)) * stride
+            settled, self.first = settled[..., first - self.first :].clone(), first
+        self.frames = settled
+        assert self.last is not None
+        return self.last
+
+
+class ContinuedProportions(Continued):
+    """Of band proportions and a linear network.
+
+    Attributes:
+        kept: Settled movement (axes, samples) that the fragments to come depend on.
+        first: Number of its first sample.
+        sum: (axes, 1) of all samples of the settled movement.
+    """
+
+    features: BandProportions
+
+    def __init__(self, classifier: SurfaceClassifier) -> None:
+        super().__init__(classifier)
+        features = self.features
+        self.hops = [hop_length(features.lengths[index]) for index in features.used]
+        self.size = max(features.fragment_seconds * features.sampling_rate, *self.hops)
+        self.least = max(self.size, features.lengths[features.longest]) + max(self.hops)
+        self.kept: Tensor | None = None
+        self.first, self.sum = 0, torch.zeros(())
+
+    def _go_on(self, settled: Judged, rest: Judged) -> Vote:
+        more, ahead = settled.movement, rest.movement
+        self.kept = more if self.kept is None else torch.cat((self.kept, more), dim=1)
+        self.sum = self.sum.cpu() + more.cpu().double().sum(dim=1, keepdim=True)
+        self._add_fragments(self.kept)
+        movement = torch.cat((self.kept, ahead), dim=1)
+        if self.count:
+            total = self.sum + ahead.cpu().double().sum(dim=1, keepdim=True)
+            mean = (total / (self.first + movement.shape[1])).to(movement)
+            return self._vote(self._part(movement, mean))
+        self.features.check_length(movement)
+        return self._vote(self._embedding(self.features.describe(movement)))
+
+    def _add_fragments(self, kept: Tensor) -> None:
+        """Add up all fragments but those in the end, and forget their samples."""
+        length = self.first + kept.shape[1]
+        mean = (self.sum / length).to(kept) if length else self.sum
+        while (self.count + 1) * self.size + self.least <= length:
+            self._add(self._part(kept, mean, whole=False), self._power(kept))
+        needed = min(hop * max(0, self._frame(hop) - OVERLAP) for hop in self.hops)
+        self.kept, self.first = kept[:, needed - self.first :].clone(), needed
+
+    def _power(self, kept: Tensor) -> float:
+        """Return the largest power of a block in the next fragment, in quarter octaves."""
+        if self.rests.length is None:
+            return math.inf
+        first, last = (self._frame(1, more) - self.first for more in (0, 1))
+        power = float(block_power(kept[:, first:last], self.rests.length).max())
+        return math.floor(PER_OCTAVE * math.log2(power)) if power else -math.inf
+
+    def _frame(self, hop: int, more: int = 0) -> int:
+        """Return the first frame of the next fragment, or of one ``more`` after it."""
+        return math.ceil((self.count + more) * self.size / hop)
+
+    def _part(self, movement: Tensor, mean: Tensor, *, whole: bool = True) -> Tensor:
+        """Return the features (D, fragments) of the next fragment, or of the whole movement left.
+
+        Args:
+            movement: (axes, samples), as :attr:`kept` and what comes after.
+            mean: (axes, 1) of the movement so far.
+            whole: Whether everything left is meant.
+        """
+        parts: list[tuple[int, Tensor, int]] = []
+        for hop, index in zip(self.hops, self.features.used, strict=True):
+            first, last = self._frame(hop), self._frame(hop, 1)
+            before = max(0, first - OVERLAP)
+            end = None if whole else (last - 1) * hop + self.features.lengths[index] - self.first
+            parts.append((index, movement[:, before * hop - self.first : end], first - before))
+        frames = [self.features.count_frames(x.shape[1], index) - skip for index, x, skip in parts]
+        length = self.first + movement.shape[1]
+        wanted = self.features.count_fragments(length) - self.count if whole else 1
+        fragments = min(*frames, max(1, wanted))
+        summaries = [
+            self.features.summary(self.features.in_blocks(x, index, skip), index, count, fragments)
+            for (index, x, skip), count in zip(parts, frames, strict=True)
+        ]
+        first, last = (self._frame(1, more) - self.first for more in (0, 1))
+        samples = movement[:, first : None if whole else last]
+        return self._embedding(self.features.join(summaries, samples, fragments, mean))
+
+
+def continued(classifier: SurfaceClassifier) -> Continued | None:
+    """Return what continues the votes of a classifier; None where all of a signal has to be kept.
+
+    That is so for several senses, whose fragments are drawn at random, for baselines, for features
+    that depend on the whole recording, and for those of a user.
+    """
+    if classifier.card.baseline or len(classifier.senses) > 1:
+        return None
+    (sense,) = classifier.senses.values()
+    features, network = sense.features, sense.network
+    if type(features) is BandProportions and type(network) is LinearNet:
+        return ContinuedProportions(classifier)
+    by_frame = type(features) is SpectrogramFeatures and features.axes == "frame"
+    if by_frame and features.normalisation == "standard" and sense.geometry is not None:
+        return ContinuedSpectrogram(classifier)
+    return None
