@@ -103,6 +103,28 @@ def test_the_engine_a_stream_and_an_early_stop_decide_as_on_the_cpu(second_devic
         torch.testing.assert_close(values, expected, rtol=1e-3, atol=1e-3)
 
 
+class Pooled(torch.nn.Module):
+    """A network of somebody else, which says nothing of its windows."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.layers = torch.nn.Sequential(torch.nn.Conv2d(3, 4, 5), torch.nn.MaxPool2d(2))
+
+    def features(self, x: torch.Tensor, level: str) -> torch.Tensor:
+        return self.layers(x)
+
+
+def test_the_geometry_of_another_network_is_found_there(second_device):
+    found = []
+    for device in ("cpu", second_device):
+        sense = SurfaceClassifier(trunk_card("vgg_m")).senses["visual"].eval()
+        sense.network = Pooled().eval()
+        vars(sense).pop("geometry", None)  # that of its own network
+        found.append(sense.to(device).geometry)
+    assert found[0].stride == 2
+    assert found[0] == found[1]
+
+
 def test_results_name_the_device_that_computed(second_device, cli, tiny, naive_bayes, tmp_path):
     """Baselines take the CPU."""
     assert computing_device("auto", [True, True]).type == "cpu"

@@ -6,11 +6,12 @@ import subprocess
 import sys
 
 import pytest
+import torch
 
 from tex_lightning import cli as command
 from tex_lightning.config import CONF
 from tex_lightning.core.console import console
-from tex_lightning.core.devices import check_started
+from tex_lightning.core.devices import check_started, pick_device
 from tex_lightning.core.ranks import (
     PARENT,
     Process,
@@ -27,7 +28,8 @@ LEFT = [  # by programs above this one
     {"RANK": ""},
     {"RANK": "x", "LOCAL_RANK": "", "SLURM_PROCID": "", "JSM_NAMESPACE_RANK": "3"},
 ]
-STEP = {"SLURM_STEP_ID": "0", "SLURM_STEP_NUM_TASKS": "2", "SLURM_NTASKS": "2", "SLURM_PROCID": "1"}
+STEP = {"SLURM_STEP_ID": "0", "SLURM_STEP_NUM_TASKS": "2", "SLURM_NTASKS": "2", "SLURM_PROCID": "1",
+        "SLURM_LOCALID": "1"}  # fmt: skip
 TORCHRUN = {"TORCHELASTIC_RUN_ID": "a", "RANK": "1", "WORLD_SIZE": "2", "LOCAL_RANK": "1"}
 READ = ("RANK", "PROCID", "NTASKS", "WORLD_SIZE", "RUN_ID")  # by Lightning
 BATCH = {"SLURM_JOB_ID": "7", "SLURM_NTASKS": "2", "SLURM_PROCID": "0"}
@@ -40,7 +42,7 @@ def bare(monkeypatch):
         if "RANK" in name or name.startswith(("SLURM", "WORLD", "TORCHELASTIC")):
             monkeypatch.delenv(name)
     yield
-    Process.rank = 0
+    Process.rank = Process.local = 0
 
 
 def give(monkeypatch, variables):
@@ -62,12 +64,15 @@ def test_who_trains_alone_has_no_rank_and_lightning_sees_none(monkeypatch, varia
 def test_who_was_started_beside_others_has_its_rank_where_they_train_together(
     monkeypatch, variables
 ):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 4)
     before = give(monkeypatch, variables)
     assert started_processes() == 2
     check_started(2)
     with joining(2):
         assert not is_rank_zero()
         assert before == {**os.environ}
+        assert pick_device("cuda") == torch.device("cuda", 1)  # before Lightning has chosen it
     with pytest.raises(UserError, match=r"has started 2 processes.*trains with 1: .*trainer=ddp"):
         check_started(1)
 

@@ -12,7 +12,13 @@ import cv2
 import torch
 
 from tex_lightning.core.progress import Item, track
-from tex_lightning.core.ranks import is_launched, is_torchrun, slurm_tasks, started_processes
+from tex_lightning.core.ranks import (
+    Process,
+    is_launched,
+    is_torchrun,
+    slurm_tasks,
+    started_processes,
+)
 from tex_lightning.errors import UserError
 
 if TYPE_CHECKING:
@@ -26,11 +32,13 @@ MAX_HEAP_PIECE, MAX_UNTRIMMED = 1 << 25, 1 << 30  # bytes: of a piece, in many v
 def pick_device(accelerator: str) -> torch.device:
     """Return the device of an accelerator of Lightning; ``auto`` takes the first one.
 
+    Of several processes that train together each has its own GPU, already before Lightning says so.
+
     Raises:
         UserError: If the accelerator asked for is not there.
     """
     if accelerator in ("auto", "gpu", "cuda") and torch.cuda.is_available():
-        return torch.device("cuda")
+        return torch.device("cuda", Process.local % torch.cuda.device_count())
     if accelerator in ("auto", "gpu", "mps") and torch.backends.mps.is_available():
         return torch.device("mps")
     if accelerator not in ("auto", "cpu"):

@@ -35,9 +35,11 @@ class Process:
 
     Attributes:
         rank: Its number in the process group of the run; 0 outside of one.
+        local: Its number on this machine, which is that of its device; 0 outside of one.
     """
 
     rank: ClassVar[int] = _number("LOCAL_RANK") if is_launched() else 0
+    local: ClassVar[int] = rank
 
 
 def is_torchrun() -> bool:
@@ -74,18 +76,18 @@ def joining(processes: int) -> Iterator[None]:
         processes: Number of processes that train together; 1 for whatever runs alone.
     """
     together, number = processes > 1 and started_processes() == processes, 0
-    hidden = {*RANKS, TORCHRUN, *SLURM}
+    hidden, local = {*RANKS, TORCHRUN, *SLURM}, 0
     if is_launched():
-        hidden, number = set(), _number("LOCAL_RANK")
+        hidden, number = set(), (local := _number("LOCAL_RANK"))
     elif together and is_torchrun():
-        hidden, number = set(), _number("RANK")
+        hidden, number, local = set(), _number("RANK"), _number("LOCAL_RANK")
     elif together:
-        hidden, number = {*RANKS}, _number("SLURM_PROCID")
+        hidden, number, local = {*RANKS}, _number("SLURM_PROCID"), _number("SLURM_LOCALID")
     elif processes == slurm_tasks() == _number("SLURM_PROCID", -1) + 1:
         hidden -= {*SLURM}  # Lightning queues a job with a single task again, if it is told to end
     elif processes > 1:
         os.environ[PARENT] = str(os.getpid())
-    Process.rank = number
+    Process.rank, Process.local = number, local
     before = {name: os.environ.pop(name) for name in hidden & os.environ.keys()}
     if hidden and (said := sys.modules.get("lightning_utilities.core.rank_zero")):
         said.rank_zero_only.rank = number  # which was read when Lightning was imported

@@ -281,7 +281,7 @@ class Sense(nn.Module, ABC):
         """Geometry of the network, or None where it is not known."""
 
         def example() -> Tensor:
-            return self.example().to(next(self.network.parameters(), torch.empty(0)).dtype)
+            return self.example().to(next(self.network.parameters(), torch.empty(0)))
 
         return geometry_of(self.network, example, rows_vary=self.medium == "photo")
 
