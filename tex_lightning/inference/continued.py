@@ -139,6 +139,9 @@ class Continued(ABC):
         self.rests = LiveRests(rate, skip)
         self.beginning: Tensor | None = None
         self.began = False
+        network: Any = self.sense.network
+        linear = isinstance(network, LinearNet) and network.head.scores.is_linear
+        self.by_mean = linear and RULES[self.card.rule].by_mean_score  # one score decides
         self.count = 0  # of fragments that were added up
         self.sums: dict[float, Sums] = {}  # by quarter octaves of power, where rests are left out
 
@@ -204,10 +207,9 @@ class Continued(ABC):
         """Vote with further fragments (D, positions) that are not added up."""
         before = self._added()
         sums, mean = self._sums_of(embedding, before)
-        every, network = before.joined(sums), self.sense.network
-        if isinstance(network, LinearNet) and network.head.scores.is_linear:
-            score = self._scores(mean[:, None], (mean, every.count))  # by what is in range by now
-            every.tally.scores = every.count * score[:, 0].cpu().double()
+        every = before.joined(sums)
+        if self.by_mean:  # with what is in range by now
+            every.tally.scores = every.count / sums.count * sums.tally.scores
         known, vote = (
             self.classifier.statistics_of(self.name),
             RULES[self.card.rule].of_tally(every.tally),
@@ -215,8 +217,12 @@ class Continued(ABC):
         return vote if known is None else vote.with_novelty(known.novelty(mean))
 
     def _scores(self, embedding: Tensor, whole: tuple[Tensor, int]) -> Tensor:
+        """Return the class scores (classes, positions) of some fragments of the whole."""
         if self.layer == self.classifier.level(self.name):
             return embedding
+        if self.by_mean:
+            score = class_scores(self.sense.network, whole[0][:, None], whole)
+            return score.expand(-1, embedding.shape[1])
         return class_scores(self.sense.network, embedding, whole)
 
 
@@ -300,7 +306,6 @@ class ContinuedProportions(Continued):
         features = self.features
         self.hops = [hop_length(features.lengths[index]) for index in features.used]
         self.size = max(features.fragment_seconds * features.sampling_rate, *self.hops)
-        self.least = max(self.size, features.lengths[features.longest]) + max(self.hops)
         self.kept: Tensor | None = None
         self.first, self.sum = 0, torch.zeros(())
 
@@ -321,7 +326,9 @@ class ContinuedProportions(Continued):
         """Add up all fragments but those in the end, and forget their samples."""
         length = self.first + kept.shape[1]
         mean = (self.sum / length).to(kept) if length else self.sum
-        while (self.count + 1) * self.size + self.least <= length:
+        longest = self.features.lengths[self.features.longest]
+        least = max(self.size, longest) + max(self.hops)  # has a frame of every window
+        while (self.count + 1) * self.size + least <= length:
             self._add(self._part(kept, mean, whole=False), self._power(kept))
         needed = min(hop * max(0, self._frame(hop) - OVERLAP) for hop in self.hops)
         self.kept, self.first = kept[:, needed - self.first :].clone(), needed
@@ -353,16 +360,21 @@ class ContinuedProportions(Continued):
             end = None if whole else (last - 1) * hop + self.features.lengths[index] - self.first
             parts.append((index, movement[:, before * hop - self.first : end], first - before))
         frames = [self.features.count_frames(x.shape[1], index) - skip for index, x, skip in parts]
-        length = self.first + movement.shape[1]
-        wanted = self.features.count_fragments(length) - self.count if whole else 1
-        fragments = min(*frames, max(1, wanted))
+        wanted = self._left(self.first + movement.shape[1]) if whole else 1
+        fragments = min(*frames, wanted)
         summaries = [
             self.features.summary(self.features.in_blocks(x, index, skip), index, count, fragments)
             for (index, x, skip), count in zip(parts, frames, strict=True)
         ]
         first, last = (self._frame(1, more) - self.first for more in (0, 1))
         samples = movement[:, first : None if whole else last]
-        return self._embedding(self.features.join(summaries, samples, fragments, mean))
+        found = self._embedding(self.features.join(summaries, samples, fragments, mean))
+        return found[:, torch.arange(wanted, device=found.device) * fragments // wanted]
+
+    def _left(self, samples: int) -> int:
+        """Return how many more fragments a movement of so many samples is to have."""
+        most = self.features.count_frames(samples, self.features.longest)
+        return max(1, min(most, self.features.count_fragments(samples)) - self.count)
 
 
 def continued(classifier: SurfaceClassifier) -> Continued | None:
