@@ -1,9 +1,9 @@
 """Time and memory against the length of the signal, on one core: of a label, and of a live stream.
 
-``python -m benchmarks length``. A stream is pushed 0.1 s after 10, 60 and 120 s; its growth is the
-time after 120 s by that after 10 s. The growth of a label is its time by that of a recording a
-fifth as long, divided by five: 1 is linear. Memory is what a process takes beyond what it took
-before, at most. Signals are noise and weights random; neither decides over the time.
+``python -m benchmarks length``. A stream is pushed 0.1 s after 10, 60, 120 and 600 s; its growth is
+the time after 600 s by that after 10 s. The growth of a label is the time per minute of the longest
+recording by that of the shortest: 1 is linear. Memory is what a process of its own takes beyond
+what it took before, at most. Signals are noise and weights random; neither decides over the time.
 """
 
 import resource
@@ -24,17 +24,16 @@ from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.stream import LiveStream
 from tex_lightning.senses.features.proportions import BandProportions
 
-SECONDS = (10, 60, 120)
+SECONDS = (10, 60, 120, 600)
 CHUNK, PUSHES = 0.1, 15
 SLOW = 1000  # Hz, below which levels count
-PARTS = 5
-LABELS = (  # model, rate in Hz, minutes, axes
-    ("experiment=few/haptic", 50, 60, 1),
-    ("experiment=few/haptic", 50, 60, 3),
-    ("experiment=few/haptic", 10_000, 10, 1),
-    ("experiment=few/haptic", 10_000, 10, 3),
-    ("model=haptic", 10_000, 10, 1),
-    ("model=haptic", 10_000, 10, 3),
+LABELS = (  # model, rate in Hz, axes, minutes
+    ("experiment=few/haptic", 50, 1, (10, 20, 40, 60)),
+    ("experiment=few/haptic", 50, 3, (10, 20, 40, 60)),
+    ("experiment=few/haptic", 10_000, 1, (1, 10)),
+    ("experiment=few/haptic", 10_000, 3, (1, 10)),
+    ("model=haptic", 10_000, 1, (1, 10)),
+    ("model=haptic", 10_000, 3, (1, 10)),
 )
 MODELS = (
     ("experiment=few/haptic", 10_000),
@@ -49,11 +48,13 @@ def measure() -> dict[str, Any]:
     with ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1) as pool:
         for model, rate in MODELS:
             figures[f"stream {model}, {rate} Hz"] = pool.submit(_stream, model, rate).result()
-        for model, rate, minutes, axes in LABELS:
-            tasks = [pool.submit(_label, model, rate, minutes / part, axes) for part in (PARTS, 1)]
-            (part, _), (whole, memory) = (task.result() for task in tasks)
-            growth = {"growth_ratio": whole / part / PARTS, "seconds": whole, "mib": memory}
-            figures[f"label {model}, {rate} Hz, {minutes} min, {axes} axes"] = growth
+        for model, rate, axes, lengths in LABELS:
+            label, times = f"label {model}, {rate} Hz, {axes} axes", []
+            for minutes in lengths:
+                seconds, memory = pool.submit(_label, model, rate, minutes, axes).result()
+                figures[f"{label}, {minutes} min"] = {"seconds": seconds, "mib": memory}
+                times.append(seconds / minutes)
+            figures[label] = {"growth_ratio": times[-1] / times[0]}
     return figures
 
 
