@@ -14,7 +14,7 @@ from tex_lightning.report.style import COLOURS, GUIDE, styled
 OURS, BEST, PEER = COLOURS[4], "#222222", "#8a8a8a"
 GAP = 0.095  # of the height of a panel, between names
 COLUMNS = 4
-TICKS = {1: "1 ms", 100: "100 ms"}
+TICKS = {1: "1", 10: "10", 100: "100", 1000: "1,000"}
 Array = np.ndarray[Any, Any]
 Node = dict[str, Any]
 
@@ -34,14 +34,14 @@ def draw(settings: Node, results: Sequence[Node], path: Path) -> None:
     panels = [pair for pair in zip(drawn, found_of, strict=True) if pair[1]]
     if not panels:
         return
-    figure, grid = make_grid(len(panels), COLUMNS, (2.3, 2.15))
+    figure, grid = make_grid(len(panels), COLUMNS, (2.9, 2.15))
     for number, (axes, (panel, found)) in enumerate(zip(grid, panels, strict=True)):
         draw_panel(axes, found, settings["ours"])
         axes.set_title(panel["title"], loc="left", fontsize=7.5)
         if number % COLUMNS == 0:
             axes.set_ylabel("accuracy (%)", labelpad=1)
         if number >= len(panels) - COLUMNS:
-            axes.set_xlabel("time for one label", labelpad=1)
+            axes.set_xlabel("ms for one label", labelpad=1)
     save_figure(figure, path)
 
 

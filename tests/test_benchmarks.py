@@ -55,6 +55,7 @@ names: {bands: ours, log_bands: a peer, log_mel: a peer}
 """
 
 
+@pytest.mark.slow
 def test_adaptation_to_draws_of_what_is_tested(surfaces, tmp_path):
     table = tmp_path / "table.yaml"
     table.write_text(TABLE)

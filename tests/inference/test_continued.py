@@ -90,7 +90,10 @@ def test_a_rest_in_the_end_does_not_count_however_long():
     assert last.probability == pytest.approx(vote.doubted(quality.doubt).probability, abs=1e-4)
 
 
-@pytest.mark.parametrize("kind", [0, 1, 2])
+SLOW = pytest.mark.slow
+
+
+@pytest.mark.parametrize("kind", [0, pytest.param(1, marks=SLOW), pytest.param(2, marks=SLOW)])
 def test_band_proportions_have_the_label_of_the_whole_at_every_increment(bands, kind):
     model = tl.load(bands)
     pause = 1e-4 * np.random.default_rng(0).standard_normal((3, RATE))
@@ -135,7 +138,7 @@ def held(stream: LiveStream) -> int:
     return signal.kept.nbytes + sum(x.nbytes for x in (*arrays, *sums))
 
 
-@pytest.mark.parametrize("model", ["network", "bands"])
+@pytest.mark.parametrize("model", ["network", pytest.param("bands", marks=SLOW)])
 def test_memory_does_not_grow_with_the_signal(model, bands):
     stream = tl.load(bands).stream() if model == "bands" else live(hapticnet(), 3000.0)
     rng, sizes = np.random.default_rng(0), []

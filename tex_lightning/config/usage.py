@@ -44,8 +44,7 @@ More to read:
   --help=all         all groups and all keys: meaning, range, value now
   --cfg job          the configuration that a command line composes
   --hydra-help       flags of Hydra; --version is that of tex_lightning
-Results land in hydra.run.dir: results.json, checkpoints, figures, metrics.csv
-and TensorBoard events. README.md leads to the pages in docs/."""
+Results land in hydra.run.dir. README.md leads to the pages in docs/."""
 
 
 def asks(arguments: Sequence[str]) -> bool:
