@@ -66,6 +66,7 @@ def test_adaptation_to_draws_of_what_is_tested(surfaces, tmp_path):
     assert "of 14), adapted " in figures["waves.first.unknown"]
 
 
+@pytest.mark.slow
 def test_accuracy_of_systems_by_data_set_and_protocol(surfaces, cache, tmp_path, monkeypatch):
     data, table = tmp_path / "data", tmp_path / "table.yaml"
     shutil.copytree(surfaces, data)
@@ -175,6 +176,7 @@ shapes:
 """
 
 
+@pytest.mark.slow
 def test_shapes_are_compared_with_the_unchanged_data(surfaces, tmp_path, monkeypatch):
     table = tmp_path / "table.yaml"
     table.write_text(SHAPES)

@@ -247,7 +247,7 @@ def files(surfaces):
     [
         ("few/haptic", ["haptic"], {}),
         ("haptic", ["haptic"], {"debug": "tiny"}),
-        ("mfcc_nb", ["haptic"], {"debug": "tiny"}),
+        pytest.param("mfcc_nb", ["haptic"], {"debug": "tiny"}, marks=pytest.mark.slow),
         ("fusion", ["haptic", "image"], {"debug": "tiny", "data.half_scale": False}),
     ],
 )

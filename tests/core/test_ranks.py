@@ -104,6 +104,7 @@ def test_tasks_without_srun_are_told_the_cure_and_a_shell_or_a_single_task_is_no
         assert "SLURM_NTASKS" not in os.environ
 
 
+@pytest.mark.slow
 def test_a_run_below_another_one_writes_its_results(surfaces, cache, tmp_path):
     """In a process of its own, as Lightning reads the variables when it is imported."""
     given = ["experiment=few/haptic", "data=folder", f"data.root={surfaces}", "logger=csv"]

@@ -81,6 +81,7 @@ def test_the_results_of_a_sequential_decision_say_how_much_it_computed():
     assert "relative_macs" not in pooled_metrics(outcomes[1:])
 
 
+@pytest.mark.slow
 def test_a_new_figure_is_one_line(cli, tiny, tmp_path, monkeypatch):
     """It is in results, folds, tables, reports, CSVs and loggers, nested where its path says."""
     sure = Metric("sure", "further.sure", "sure samples", lambda outcomes: fmean(

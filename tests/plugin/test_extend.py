@@ -63,6 +63,7 @@ def test_the_parts_of_the_page_run_from_an_empty_folder(cli, empty):
     assert json.loads(outcomes[2].out)["label"] in ("wood", "felt")
 
 
+@pytest.mark.slow
 def test_the_networks_of_the_page_take_one_key(cli, empty):
     text = PAGE.read_text()
     (module,) = re.findall(r"^```python\n(# my_net\.py\n.*?)^```$", text, re.DOTALL | re.MULTILINE)

@@ -87,6 +87,7 @@ def test_one_class_alone_is_tested(tested, tmp_path):
     assert [outcome.label for outcome in outcomes] == ["alpha"]
 
 
+@pytest.mark.slow
 def test_conditions_leave_the_fold_of_the_training_to_senses_without_them(
     cli, run_once, surfaces, tmp_path
 ):

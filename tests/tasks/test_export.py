@@ -119,6 +119,7 @@ def test_what_cannot_be_exported(cli, tmp_path, monkeypatch, changes, sentence):
     assert not (tmp_path / "visual.onnx").exists()
 
 
+@pytest.mark.slow
 def test_band_proportions_are_exported(cli, bands, tmp_path):
     """What mirrors a short recording took a remainder that ONNX cannot translate."""
     outcome = cli(

@@ -62,7 +62,11 @@ def test_fusion_trains_three_networks_and_reports_them(fused):
 
 @pytest.mark.parametrize(
     ("model", "count"),
-    [("experiment=few/haptic", 30), ("model=mfcc_nb", 30), ("model=fusion", 60)],
+    [
+        pytest.param("experiment=few/haptic", 30, marks=pytest.mark.slow),
+        ("model=mfcc_nb", 30),
+        ("model=fusion", 60),
+    ],
 )
 def test_without_a_test_fold_all_recordings_are_trained_on(
     run_once, cli, tiny, surfaces, model, count
