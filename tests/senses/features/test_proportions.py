@@ -5,9 +5,11 @@ import weakref
 import numpy as np
 import pytest
 import torch
+from omegaconf import OmegaConf
 from scipy.signal import ShortTimeFFT
 from scipy.signal.windows import hann
 
+from tex_lightning.config import CONF
 from tex_lightning.errors import UserError
 from tex_lightning.senses.features import proportions
 from tex_lightning.senses.features.proportions import FLOOR, BandProportions, octave_filters
@@ -165,6 +167,22 @@ def test_windows_follow_from_rate_and_length():
     assert make(rate=10_000.0, windows=(0.256, 0.93)).lengths == [4 * 640, 16 * 588]
 
 
+@pytest.mark.parametrize(
+    ("rate", "count"), [(20.0, 2), (50.0, 3), (2200.0, 4), (44_100.0, 3), (200_000.0, 2)]
+)
+def test_the_windows_of_the_presets_are_those_that_any_rate_has_memory_for(rate, count):
+    sense = OmegaConf.load(CONF / "sense" / "band_proportions.yaml")
+    settings = {**sense.features, "skip_impact": sense.skip_impact}
+    del settings["_target_"]
+    features = BandProportions(sampling_rate=rate, **settings)
+    assert len(features.lengths) == count
+    assert max(features.lengths) <= 65_536
+    recording = noise(5.6, rate)
+    features.learn([recording])
+    assert features.used == list(range(count))
+    assert features(recording).shape[2] == features.bands
+
+
 def test_a_short_recording_is_mirrored_until_the_longest_window_fits():
     features, trace = make(), noise(0.2, seed=1)
     features.learn([noise(4)])
@@ -266,5 +284,8 @@ def test_what_is_too_short_is_refused_with_its_length():
     features = make()
     with pytest.raises(UserError, match=r"0\.03 s of movement, less than the shortest window of 0"):
         features(noise(0.03))
-    with pytest.raises(UserError, match="choose longer features"):
-        make(windows=(0.001,), bands_per_octave=(4,))
+    for seconds in (0.001, 60.0):  # 2 samples; 120,000
+        with pytest.raises(
+            UserError, match="No window of 8 to 65536 samples at 2000 Hz"
+        ):
+            make(windows=(seconds,), bands_per_octave=(4,))

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
 from tex_lightning.senses.features.movement import block_length, moving
-from tex_lightning.senses.features.spectrogram import check_window, mean_filters, triangles
+from tex_lightning.senses.features.spectrogram import MAX_WINDOW, mean_filters, triangles
 
 OVERLAP = 4  # frames that every sample is in
 LONGEST_ODD = 1024  # samples; transforms of more are fast if they can be halved
@@ -65,9 +65,9 @@ class BandProportions(nn.Module):
         sampling_rate: Rate of the signals in Hz.
         windows: Lengths of the Hann windows in seconds, rounded up to a number of samples with a
             fast transform; a short one resolves the order of events, a long one low bands. Those
-            of fewer than eight samples at this rate are left out, and so are those that are longer
-            than half of the usual training recording, or a quarter where levels count, but for the
-            shortest. A shorter recording is mirrored until they fit.
+            of fewer than eight samples at this rate, or more than 65,536, are left out, and so are
+            those that are longer than half of the usual training recording, or a quarter where
+            levels count, but for the shortest. A shorter recording is mirrored until they fit.
         bands_per_octave: How finely frequency is divided, for each window.
         thresholds: Number of thresholds for each band.
         fragment_seconds: Approximate length of a fragment; a movement is cut into equal ones.
@@ -126,8 +126,8 @@ class BandProportions(nn.Module):
             self._add_window(seconds, per_octave, thresholds)
         if not self.lengths:
             raise UserError(
-                f"No window of {MIN_SAMPLES} samples at {sampling_rate:g} Hz has a band; choose "
-                "longer features.windows."
+                f"No window of {MIN_SAMPLES} to {MAX_WINDOW} samples at {sampling_rate:g} Hz has "
+                "a band; choose other features.windows."
             )
         self.blocks += [(LEVEL, self.levels)] * 2 if self.levels else []
         self.bands = sum(size for _, size in self.blocks)
@@ -146,9 +146,8 @@ class BandProportions(nn.Module):
         even = 2 ** max(0, math.ceil(math.log2(max(1, exact) / LONGEST_ODD)))
         length = even * scipy.fft.next_fast_len(max(2, round(exact / even)))
         gap = max(1, per_octave // 3)
-        if length < MIN_SAMPLES:
+        if not MIN_SAMPLES <= length <= MAX_WINDOW:  # a longer one takes up too much memory
             return
-        check_window(length, hop_length(length), self.sampling_rate)
         filters = octave_filters(self.sampling_rate, length, per_octave)
         bands = len(filters)
         if bands <= gap:
