@@ -110,6 +110,7 @@ class BandPower(nn.Module):
 
     window: Tensor
     first: Tensor
+    turn: Tensor
     second: Tensor
     weights: Tensor
 
@@ -123,12 +124,16 @@ class BandPower(nn.Module):
         # cosines, then sines of -2 pi p k / P: (outer, 2 * kept)
         first = _angles(torch.arange(self.outer)[:, None] * torch.arange(kept), self.outer)
         self.register_buffer("first", torch.cat((first.cos(), first.sin()), dim=1).float())
-        # products by exp(-2 pi i q (k + P l) / N), for each k: (kept, 2 * inner, 2 * inner)
-        channel = torch.arange(kept)[:, None] + self.outer * torch.arange(self.inner)
-        angles = _angles(torch.arange(self.inner)[:, None] * channel[:, None], length)
+        # exp(-2 pi i q k / N), real and imaginary: (2, inner, kept)
+        inner = torch.arange(self.inner)[:, None]
+        turn = _angles(inner * torch.arange(kept), length)
+        self.register_buffer("turn", torch.stack((turn.cos(), turn.sin())).float())
+        # products by exp(-2 pi i q l / Q): (2 * inner, 2 * inner)
+        angles = _angles(inner * inner.T, self.inner)
         real, imaginary = angles.cos(), angles.sin()
-        rows = torch.cat((real, imaginary), dim=2), torch.cat((-imaginary, real), dim=2)
-        self.register_buffer("second", torch.cat(rows, dim=1).float())
+        rows = torch.cat((real, imaginary), dim=1), torch.cat((-imaginary, real), dim=1)
+        self.register_buffer("second", torch.cat(rows).float())
+        channel = torch.arange(kept)[:, None] + self.outer * inner.T
         mirrored = torch.minimum(channel, length - channel).flatten()
         once = torch.zeros(len(mirrored))
         once[np.unique(mirrored.numpy(), return_index=True)[1]] = 1
@@ -143,10 +148,12 @@ class BandPower(nn.Module):
         if self.centred:
             frames = frames - frames.mean(dim=-1, keepdim=True)
         grid = (frames * self.window).reshape(axes * count, self.outer, self.inner)
-        kept = len(self.second)
+        kept = self.turn.shape[2]
         # of every sample of the inner grid real and imaginary parts, each of the kept channels
         outer = (grid.transpose(1, 2) @ self.first).reshape(axes * count, self.inner, 2, kept)
-        inner = outer.permute(3, 0, 2, 1).reshape(kept, axes * count, 2 * self.inner)
+        (real, imaginary), (cosine, sine) = outer.unbind(dim=2), self.turn
+        turned = real * cosine - imaginary * sine, real * sine + imaginary * cosine
+        inner = torch.cat(turned, dim=1).permute(2, 0, 1)
         squares = (inner @ self.second).square().reshape(kept, axes, count, 2, self.inner)
         power = squares.sum(dim=(1, 3)).permute(1, 0, 2).reshape(count, kept * self.inner)
         bands: Tensor = (power @ self.weights).T
