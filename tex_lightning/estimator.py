@@ -55,7 +55,7 @@ from tex_lightning.data.recordings import one_name
 from tex_lightning.errors import InvalidInput, listed
 from tex_lightning.inference.prediction import Prediction
 from tex_lightning.inference.predictor import Predictor, load
-from tex_lightning.learning.adaptation import adapt
+from tex_lightning.learning.adaptation import adapt, sample_features
 from tex_lightning.studies.fold import open_training, train_model
 from tex_lightning.tasks.enroll import enroll, open_new_classes
 from tex_lightning.tasks.export import export_classifier
@@ -268,20 +268,13 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         """
         with self._using(X) as samples:
             before = self.predictor_
-            self.adaptation_ = adapt(before.classifier, self._embeddings(samples))
+            self.adaptation_ = adapt(
+                before.classifier, sample_features(before.classifier, map(self._decoded, samples))
+            )
             self.predictor_ = Predictor(self.adaptation_.classifier, before.config)
         if self.adaptation_.reason:
             warnings.warn(str(self.adaptation_), stacklevel=2)
         return self
-
-    @torch.inference_mode()
-    def _embeddings(self, samples: Sequence[Sample]) -> Iterator[torch.Tensor]:
-        """Yield features (D, positions) of each sample by the only sense of the model."""
-        classifier = self.predictor_.classifier
-        for sample in samples:
-            decoded = self._decoded(sample)
-            for name, sense in classifier.senses.items():
-                yield classifier.embedding(name, decoded[sense.modality][0])
 
     def save(self, path: str | Path) -> Path:
         """Write a checkpoint that :func:`tex_lightning.load` and every task take."""

@@ -11,7 +11,7 @@ class TrainingRows(nn.Module):
     """Mean features of the training recordings, their classes, and what was recorded together.
 
     Features are kept in half precision: standardised by the network, they are then exact to a
-    thousandth of their deviation. That is 2 bytes for each, 7 to 15 MB for 1,000 recordings.
+    thousandth of their deviation. That is 2 bytes for each, 9 to 22 MB for 1,000 recordings.
 
     Attributes:
         features: (recordings, D) float16, the mean embedding of each recording.

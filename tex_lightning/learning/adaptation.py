@@ -8,7 +8,7 @@ clearly, with the same labels (Lange et al. 2004, Stability-based validation of 
 solutions), or all stays as it was. No label is ever needed.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import replace
 from itertools import combinations
@@ -98,6 +98,21 @@ def adapt(classifier: SurfaceClassifier, embeddings: Iterable[Tensor]) -> Adapta
     counts = lesson.labels[lesson.labels >= 0].bincount(minlength=network.classes).tolist()
     by_class = {x: n for x, n in zip(classifier.card.classes, counts, strict=True) if n}
     return Adaptation(whole.eval(), "", len(given), by_class, lesson.changed)
+
+
+@torch.inference_mode()
+def sample_features(
+    classifier: SurfaceClassifier, samples: Iterable[Mapping[str, tuple[Tensor, object]]]
+) -> Iterator[Tensor]:
+    """Yield features (D, positions) of decoded samples by the only sense of a classifier.
+
+    Args:
+        classifier: In evaluation mode.
+        samples: What :meth:`.Predictor.decoded` returns for each.
+    """
+    ((name, sense),) = classifier.senses.items()
+    for decoded in samples:
+        yield classifier.embedding(name, decoded[sense.modality][0])
 
 
 def check_adaptable(classifier: SurfaceClassifier) -> None:

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import say
@@ -32,10 +31,10 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     begin, source = time.perf_counter(), Path(str(config.checkpoint)).expanduser()
     classifier = load_classifier(source)
     check_adaptable(classifier)
-    dataset = open_unlabelled(config, classifier)
+    predictor = Predictor(classifier, config)  # puts it on the device that computes
+    dataset = open_unlabelled(predictor)
     if not config.files:
         show_opening(config.data, dataset, f"no labels, for {source}")
-    Predictor(classifier, config)  # puts it on the device that computes
     (name,), card = classifier.senses, classifier.card
     rows = dataset.recordings.rows
     found = adapt(classifier, position_features(classifier, name, rows, dataset.store))
@@ -58,17 +57,18 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     return results
 
 
-def open_unlabelled(config: Config, classifier: SurfaceClassifier) -> Dataset:
-    """Read and decode the files of the configuration, or else the tested part of its data set.
+def open_unlabelled(predictor: Predictor) -> Dataset:
+    """Read and decode the files of its configuration, or else the tested part of its data set.
 
     What the checkpoint was trained on is left out of a data set. Labels are not looked at.
 
     Raises:
         UserError: If there is nothing, or the checkpoint does not use a modality that is given.
     """
+    config, classifier = predictor.config, predictor.classifier
     card, data = classifier.card, config.data
     if config.files:
-        Predictor(classifier, config).check_senses(config.files)
+        predictor.check_senses(config.files)
         found = {name: find_files(name, value) for name, value in config.files.items()}
         rows = Recordings(
             tuple(

@@ -7,7 +7,6 @@ from glob import glob, has_magic
 from pathlib import Path
 from typing import Any
 
-import torch
 from torch import Tensor
 
 from tex_lightning.baselines.classifier import load_classifier
@@ -19,6 +18,7 @@ from tex_lightning.data.recordings import natural_key, plural
 from tex_lightning.errors import UserError
 from tex_lightning.inference.predictor import Predictor
 from tex_lightning_runtime.files import is_file
+from tex_lightning_runtime.quality import Quality
 from tex_lightning_runtime.traces import stands_for_all
 
 
@@ -61,19 +61,15 @@ def adapted(predictor: Predictor, samples: Sequence[Mapping[str, Path]]) -> Pred
     Raises:
         UserError: If its classifier cannot be adapted.
     """
-    from tex_lightning.learning.adaptation import adapt  # takes what training takes
+    # takes as long to import as training
+    from tex_lightning.learning.adaptation import adapt, sample_features
 
-    classifier = predictor.classifier
-
-    @torch.inference_mode()
-    def embeddings() -> Iterator[Tensor]:
+    def decoded() -> Iterator[dict[str, tuple[Tensor, Quality]]]:
         for files in samples:
             with suppress(UserError):  # which its prediction says
-                decoded = predictor.decoded(files)
-                for name, sense in classifier.senses.items():
-                    yield classifier.embedding(name, decoded[sense.modality][0])
+                yield predictor.decoded(files)
 
-    found = adapt(classifier, embeddings())
+    found = adapt(predictor.classifier, sample_features(predictor.classifier, decoded()))
     say(str(found))
     return Predictor(found.classifier, predictor.config)
 
