@@ -19,6 +19,7 @@ import tex_lightning as tl
 from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config
 from tex_lightning.inference.engine import count_macs
+from tex_lightning.networks.blocks import ResponseNorm
 from tex_lightning.networks.geometry import layer_windows, receptive_field
 from tex_lightning.networks.trunks import TRUNKS
 from tex_lightning.report.table import markdown
@@ -28,7 +29,7 @@ DOCS = Path(__file__).parent
 PAGE = DOCS / "networks.md"
 CLASSES = 69  # the paper's
 LAYERS = (nn.Conv2d, nn.MaxPool2d, nn.LocalResponseNorm, nn.Dropout)
-NAMES = {nn.MaxPool2d: "max pooling", nn.LocalResponseNorm: "response norm.", nn.Dropout: "dropout"}
+NAMES = {nn.MaxPool2d: "max pooling", ResponseNorm: "response norm.", nn.Dropout: "dropout"}
 HEADINGS = (
     "layer", "kernel", "stride", "output", "receptive field", "parameters", "multiply-accumulates",
 )  # fmt: skip

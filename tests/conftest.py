@@ -21,7 +21,7 @@ from hydra._internal.hydra import Hydra
 from hypothesis import settings
 from omegaconf import OmegaConf
 from PIL import Image
-from second_device import chosen
+from second_device import chosen, register
 
 from tex_lightning.__main__ import main
 from tex_lightning.classifier.card import Card
@@ -29,11 +29,15 @@ from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_sta
 from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config, read_config
 from tex_lightning.config.instantiation import named_classes
+from tex_lightning.core.devices import pick_device
 from tex_lightning.networks.trunks import TRUNKS
 from tex_lightning.networks.visualnet import VisualNet
 
 # A job that a shell put in the background ignores Ctrl-C, and so do all processes it starts
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+if pick_device("auto").type == "cpu":
+    register()  # before the first gradient in this process, which would leave the device out
 
 # The same examples every time, and no deadline: machines that run tests are often busy
 settings.register_profile("few", derandomize=True, deadline=None, max_examples=10)

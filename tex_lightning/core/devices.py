@@ -72,6 +72,15 @@ def full_precision(device: torch.device) -> Iterator[None]:
         yield
 
 
+def has_to_repeat(x: torch.Tensor) -> bool:
+    """Return whether operations on a tensor have to give the same each time, where some do not.
+
+    That is on other devices than the CPU, where PyTorch refuses these once deterministic ones were
+    asked for (``trainer.deterministic=true``).
+    """
+    return x.device.type != "cpu" and torch.are_deterministic_algorithms_enabled()
+
+
 def use_tf32(allowed: bool) -> None:
     """Set whether NVIDIA GPUs round the factors of fp32 products to 10 bits (TF32).
 

@@ -162,6 +162,18 @@ class SurfaceData(LightningDataModule):
             return WHOLE
         return slice(self.trainer.global_rank, None, self.trainer.world_size)
 
+    def transfer_batch_to_device(
+        self, batch: Batch, device: torch.device, dataloader_idx: int
+    ) -> Batch:
+        """Move a batch; of a whole sample only the label, for the classifier moves what it needs.
+
+        As in testing: a fusion's tuples are seeded, and a large photo is cut, on the CPU.
+        """
+        if self.trainer is not None and self.trainer.validating:
+            return {**batch, "label": batch["label"].to(device)}
+        moved: Batch = super().transfer_batch_to_device(batch, device, dataloader_idx)
+        return moved
+
     def val_dataloader(self) -> DataLoader[Batch] | list[Any]:
         """Return a loader of the validation samples, one at a time: they have unequal sizes.
 

@@ -19,7 +19,7 @@ from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.errors import UserError
 from tex_lightning.export.signals import SpectrogramGraph, promise, signal_graph
 from tex_lightning.inference.engine import rewritten
-from tex_lightning.networks.blocks import Level, independent_copy
+from tex_lightning.networks.blocks import Level, ResponseNorm, independent_copy
 from tex_lightning.networks.folding import fold_batch_norm
 from tex_lightning.networks.fusionnet import bounded
 from tex_lightning.senses.base import Sense
@@ -101,8 +101,8 @@ def _make_traceable(network: nn.Module) -> int:
         for name, layer in parent.named_children():
             if CeilMaxPool.fits(layer):
                 setattr(parent, name, CeilMaxPool(layer))  # type: ignore[arg-type]  # as it fits
-            elif type(layer) is nn.LocalResponseNorm:
-                setattr(parent, name, BandedResponseNorm(layer))
+            elif type(layer) in (nn.LocalResponseNorm, ResponseNorm):
+                setattr(parent, name, BandedResponseNorm(layer))  # type: ignore[arg-type]  # one
             else:
                 continue
             count += 1

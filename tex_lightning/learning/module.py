@@ -20,7 +20,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, EngineConfig
 from tex_lightning.config.instantiation import build, call
 from tex_lightning.config.model import FUSION
-from tex_lightning.core.devices import full_precision
+from tex_lightning.core.devices import full_precision, has_to_repeat
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
@@ -184,9 +184,7 @@ class SurfaceModule(LightningModule):
         """Return the cross entropy of all fragments against the label of their sample."""
         logits = self.scores(batch)
         labels = batch["label"][:, None].expand(-1, logits.shape[2])
-        loss = nn.functional.cross_entropy(
-            logits, labels, label_smoothing=self.fit_config["label_smoothing"]
-        )
+        loss = mean_loss(logits, labels, self.fit_config["label_smoothing"])
         every = self.trainer.log_every_n_steps  # type: ignore[attr-defined]  # set by a connector
         logged = (self.global_step + 1) % every == 0
         if logged or (batch_idx + 1) % REFRESH == 0:  # the others would be seen by nobody
@@ -206,9 +204,9 @@ class SurfaceModule(LightningModule):
     def validation_step(self, batch: Batch, batch_idx: int) -> None:
         """Classify a whole sample as in testing."""
         scores, label = self.validated[0].logits(**batch["recordings"]), batch["label"]
-        decided = scores
-        if not bool(scores.isfinite().all()):  # weights that diverge do not end the training
-            decided = -nn.functional.one_hot(label, len(scores))[:, None].float()  # an error
+        decided = scores.cpu()  # once, for the vote is counted there
+        if not bool(decided.isfinite().all()):  # weights that diverge do not end the training
+            decided = -nn.functional.one_hot(label.cpu(), len(scores))[:, None].float()  # an error
         vote = self.classifier.decide(decided, self.classifier.card.temperature)
         fragments = vote.fragments.to(label.device)
         self.fragment_accuracy.update(fragments, label.expand_as(fragments))
@@ -278,6 +276,19 @@ def make_module(config: Config, card: Card) -> SurfaceModule:
     model = config.model
     pieces = {name: model.sense(name).fit.piece for name in card.sense_names}
     return SurfaceModule(card, model.fit_values(card.kind), config.seed, pieces, config.engine)
+
+
+def mean_loss(logits: Tensor, labels: Tensor, label_smoothing: float) -> Tensor:
+    """Return the mean cross entropy () of scores (batch, classes, fragments).
+
+    Args:
+        logits: The scores.
+        labels: (batch, fragments) class indices.
+        label_smoothing: Share of every label that is spread over all classes.
+    """
+    if has_to_repeat(logits):  # of which PyTorch takes none but (samples, classes)
+        logits, labels = logits.movedim(1, 2).flatten(0, 1), labels.flatten()
+    return nn.functional.cross_entropy(logits, labels, label_smoothing=label_smoothing)
 
 
 def accuracy(classes: int) -> MulticlassAccuracy:

@@ -4,10 +4,12 @@ from collections.abc import Iterable
 from copy import copy, deepcopy
 from typing import Literal, NamedTuple, TypeVar, cast
 
+import torch
 from torch import Tensor, nn
 from torch.nn.functional import pad
 from torch.utils._pytree import tree_leaves
 
+from tex_lightning.core.devices import has_to_repeat
 from tex_lightning.errors import UserError
 
 ScoreLayer = nn.Linear | nn.Conv1d | nn.Conv2d
@@ -141,13 +143,30 @@ def conv_block(
     return nn.Sequential(conv, *normalisation, nn.ReLU(inplace=True))
 
 
+class ResponseNorm(nn.LocalResponseNorm):
+    """PyTorch's, whose gradient is the same each time where that is asked for.
+
+    On a GPU that of PyTorch's average over channels depends on the order of its additions.
+    """
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Normalise (B, C, ...) across C."""
+        if not has_to_repeat(x):
+            return super().forward(x)
+        around = self.size // 2, (self.size - 1) // 2
+        squares = pad(x.square(), (0, 0) * (x.dim() - 2) + around)
+        shifted = [squares.narrow(1, first, x.shape[1]) for first in range(self.size)]
+        scaled_sum = torch.stack(shifted).sum(dim=0) * (self.alpha / self.size)
+        return x / (scaled_sum + self.k) ** self.beta
+
+
 def response_norm(norm: Norm, alpha: float = 1e-4, k: float = 1.0) -> list[nn.Module]:
     """Return AlexNet's local response normalisation across channels, or nothing.
 
     Caffe's form: b_i = a_i / (k + (alpha / 5) sum_j a_j^2)^0.75 over the 5 channels around i; the
     values given here are those of Caffe's AlexNet.
     """
-    return [nn.LocalResponseNorm(5, alpha=alpha, beta=0.75, k=k)] if norm == "lrn" else []
+    return [ResponseNorm(5, alpha=alpha, beta=0.75, k=k)] if norm == "lrn" else []
 
 
 def initialise(module: nn.Module) -> None:

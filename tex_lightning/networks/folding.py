@@ -13,7 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.networks.blocks import SameConv2d
+from tex_lightning.networks.blocks import ResponseNorm, SameConv2d
 
 PIECE = 1 << 18  # elements; with two float32 buffers of this size the cache is not exceeded
 DENSE = torch.contiguous_format
@@ -41,7 +41,7 @@ class FastResponseNorm(nn.Module):
     @staticmethod
     def fits(layer: Any) -> bool:  # noqa: ANN401
         """Return whether a layer is AlexNet's normalisation."""
-        plain = type(layer) is nn.LocalResponseNorm
+        plain = type(layer) in (nn.LocalResponseNorm, ResponseNorm)
         return plain and (layer.size, layer.beta) == (5, 0.75) and not _has_hooks(layer)
 
     def forward(self, x: Tensor) -> Tensor:

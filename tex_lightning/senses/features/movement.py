@@ -87,8 +87,8 @@ def block_power(trace: Tensor, length: int) -> Tensor:
 
 def in_runs(quiet: Tensor, run: int) -> Tensor:
     """Return which blocks (blocks,) are in ``run`` quiet ones in a row."""
-    padded = pad(quiet.float(), (run - 1, run - 1))
-    return sums((sums(padded, run) == run).float(), run) > 0
+    padded = pad(quiet.long(), (run - 1, run - 1))  # sums of floats differ each time on a GPU
+    return sums((sums(padded, run) == run).long(), run) > 0
 
 
 def sums(values: Tensor, length: int) -> Tensor:
