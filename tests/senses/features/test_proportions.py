@@ -285,7 +285,5 @@ def test_what_is_too_short_is_refused_with_its_length():
     with pytest.raises(UserError, match=r"0\.03 s of movement, less than the shortest window of 0"):
         features(noise(0.03))
     for seconds in (0.001, 60.0):  # 2 samples; 120,000
-        with pytest.raises(
-            UserError, match="No window of 8 to 65536 samples at 2000 Hz"
-        ):
+        with pytest.raises(UserError, match="No window of 8 to 65536 samples at 2000 Hz"):
             make(windows=(seconds,), bands_per_octave=(4,))
