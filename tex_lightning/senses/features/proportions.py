@@ -8,6 +8,7 @@ frequency and a threshold, and the windows and their bands follow from the data'
 import math
 import statistics
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import pairwise
 from typing import Annotated, Any, ClassVar
 
 import scipy  # whose parts are loaded when they are used
@@ -25,6 +26,7 @@ MIN_SAMPLES = 8  # of a window; at a slow rate the short ones are left out
 # no proportions, nor deviations
 WINDOWS_IN_RECORDING, WINDOWS_IN_SLOW = 2, 4
 MAX_WINDOWS = 16
+RANGES = 4  # of bands, each of which is a product of its own: low bands take few channels
 BLOCK = (
     1 << 18
 )  # samples of the frames that are computed at once, about, so that they stay in cache
@@ -119,7 +121,7 @@ class BandProportions(nn.Module):
         self.gaps: list[int] = []
         self.sizes: list[tuple[int, ...]] = []  # of the comparisons
         self.widths: list[int] = []  # in features
-        self.halves: list[tuple[slice, slice]] = []
+        self.ranges: list[list[tuple[slice, slice]]] = []  # of bands, and the channels they take
         self.blocks: list[tuple[str, int]] = []
         self.bins: list[int] = []
         for seconds, per_octave in zip(windows, bands_per_octave, strict=True):
@@ -161,7 +163,9 @@ class BandProportions(nn.Module):
         )
         self.lengths.append(length)
         self.gaps.append(gap)
-        self.halves.append((_reach(filters[: bands // 2]), _reach(filters[bands // 2 :])))
+        edges = [bands * part // RANGES for part in range(RANGES + 1)]
+        parts = [slice(*pair) for pair in pairwise(edges)]
+        self.ranges.append([(part, _reach(filters[part])) for part in parts])
         before = sum(size for _, size in self.blocks)
         self.blocks += zip(self.kinds, (size * thresholds for size in sizes), strict=True)
         if self.apart:
@@ -215,6 +219,8 @@ class BandProportions(nn.Module):
     def filled(self, movement: Tensor) -> Tensor:
         """Return a movement (axes, samples), mirrored until the longest window fits it."""
         have, take = movement.shape[-1], self.lengths[self.longest]
+        if not torch.compiler.is_exporting() and have >= take:
+            return movement
         most: Any = torch.sym_max(have, take)  # type: ignore[no-untyped-call]
         places = torch.arange(most, device=movement.device)
         # a tensor, since ONNX's remainder takes no number that is known only at run time
@@ -240,9 +246,10 @@ class BandProportions(nn.Module):
         squares = torch.view_as_real(torch.fft.rfft(frames)).square_()
         power = squares[..., 0] + squares[..., 1]
         power = power if self.apart else power.sum(dim=0, keepdim=True)
-        low, high = self.halves[index]  # low bands are most of all, and take few frequencies
-        half = filters.shape[1] // 2
-        sums = power[..., low] @ filters[low, :half], power[..., high] @ filters[high, half:]
+        sums = [
+            power[..., channels] @ filters[channels, bands]
+            for bands, channels in self.ranges[index]
+        ]
         power = torch.cat(sums, dim=-1) / window.sum().square()
         return self.compare(power, index)[first - before :]
 
