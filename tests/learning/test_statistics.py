@@ -34,12 +34,12 @@ def test_recordings_left_out_are_as_novel_as_new_ones():
     groups = [str(number) for number in range(60)]
     found = leave_out_each(rows, labels, 3, groups)
     statistics = FeatureStatistics.of(rows, labels, 3)
-    measures = (statistics.novelty, lambda x: statistics.distances(x).amin(dim=1))
+    measures = (statistics.novelty, lambda x: statistics.nearest(x)[0])
     for column, measure in enumerate(measures):
         mean = found[:, column].mean()
         assert mean == pytest.approx(measure(new).mean().item(), rel=0.1)
         assert measure(rows).mean() < mean
-    missed = statistics.distances(new).argmin(dim=1) != labels
+    missed = statistics.nearest(new)[1] != labels
     assert found[:, 2].sum() == pytest.approx(missed.sum(), abs=3)
     some = leave_out_each(rows[:4], labels[:4], 3, groups[:4])[:, 0]
     assert some.isnan().tolist() == [False, True, True, False]  # of two there is but one

@@ -97,8 +97,20 @@ def test_what_is_beyond_reach_counts_by_the_square_of_its_distance():
     rows, labels, classes = drawn(40, 6)
     found = FeatureStatistics.of(rows, labels, classes)
     closest = torch.cdist(found.whiten(rows), found.whiten(found.means)).amin(dim=1)
-    torch.testing.assert_close(found.distances(rows).amin(dim=1), closest, rtol=1e-4, atol=1e-4)
+    torch.testing.assert_close(found.nearest(rows)[0], closest, rtol=1e-4, atol=1e-4)
     found.reach.copy_(closest.median())
     expected = (found.reach / closest).square().clamp(max=1)
     torch.testing.assert_close(found.reliability(rows), expected, rtol=1e-3, atol=1e-4)
     assert 0.4 < (expected == 1).float().mean() < 0.6
+
+
+def test_directions_of_many_recordings_are_those_of_some_of_them(monkeypatch):
+    rows, labels, classes = drawn(4000, 6)
+    monkeypatch.setattr("tex_lightning.classifier.statistics.MAX_ROWS", 4000)
+    every = FeatureStatistics.of(rows, labels, classes)
+    monkeypatch.setattr("tex_lightning.classifier.statistics.MAX_ROWS", 999)
+    some = FeatureStatistics.of(rows, labels, classes)
+    torch.testing.assert_close(some.means, every.means)
+    torch.testing.assert_close(some.scales, every.scales)
+    assert not torch.equal(covariance(some), covariance(every))
+    torch.testing.assert_close(covariance(some), covariance(every), rtol=0.2, atol=1)

@@ -4,12 +4,16 @@ A checkpoint keeps those of its training recordings, one feature vector for each
 added without the old recordings, and recordings unlike every class can be detected.
 """
 
+import math
 from typing import Self
 
+import scipy  # whose parts are loaded when they are used
 import torch
 from torch import Tensor, nn
 
 MAX_RANK = 128  # directions of the covariance that are kept; the others share one variance
+MAX_ROWS = 1000  # recordings that tell them, evenly spread; so many need as many squared products
+BLOCK = 1000  # recordings that are taken at once as float64
 MIN_VARIANCE = 1e-8  # of features that never vary
 ROUNDING = 1e-12  # of a feature's mean square: its variance where it never varies
 PRIOR = 3  # recordings, as which the whole variance of a feature counts within classes, too
@@ -83,17 +87,27 @@ class FeatureStatistics(nn.Module):
         """Compute them from features (recordings, D) and class indices (recordings,) for training.
 
         Every class occurs. Where none has two recordings, the spread is that of the class means.
+        Means and scales are those of all recordings, directions those of a thousand at most.
         """
-        rows, labels = features.cpu().double(), labels.cpu()
-        counts = labels.bincount(minlength=classes)
-        means = torch.zeros(classes, rows.shape[1], dtype=rows.dtype)
-        means = means.index_add(0, labels, rows) / counts[:, None]
-        centred, freedom = rows - means[labels], len(rows) - classes
+        rows, labels = features.cpu(), labels.cpu()
+        counts, size = labels.bincount(minlength=classes), rows.shape[1]
+        blocks = [*zip(*(torch.split(x, BLOCK) for x in (rows, labels)), strict=True)]
+        means = torch.zeros(classes, size, dtype=torch.float64)
+        for block, kinds in blocks:
+            means.index_add_(0, kinds, block.double())
+        centre, means = means.sum(dim=0) / len(rows), means / counts[:, None]
+        freedom, around = len(rows) - classes, means
         if freedom < 1:
-            centred, freedom = means - means.mean(dim=0), max(1, classes - 1)
-        scales = _scales(rows, centred, freedom)
-        spread, directions = _principal(centred / scales)
-        variances, rest = _shrunk(spread / freedom, freedom, rows.shape[1])
+            freedom, around = max(1, classes - 1), centre.expand_as(means)
+        squares = torch.zeros(2, size, dtype=torch.float64)
+        for block, kinds in blocks:
+            for total, origin in zip(squares, (centre, around[kinds]), strict=True):
+                total += (block - origin).square().sum(dim=0)
+        scales = _scales(squares[0] / len(rows), squares[1], centre, freedom)
+        step = math.ceil(len(rows) / MAX_ROWS)
+        some, freedom = (rows[::step] - around[labels[::step]]) / scales, math.ceil(freedom / step)
+        spread, directions, total, squared = _principal(some)
+        variances, rest = _shrunk(spread, total, squared, freedom, size)
         state = {"means": means, "counts": counts, "scales": scales}
         state |= {"directions": directions[: len(variances)], "variances": variances, "rest": rest}
         return cls.from_state(state)
@@ -164,11 +178,16 @@ class FeatureStatistics(nn.Module):
         cosines: Tensor = (point @ self.white.T) / lengths.clamp(min=MIN_VARIANCE)
         return 1 - cosines.amax(dim=-1).clamp(max=1)  # rounding may pass it
 
-    def distances(self, features: Tensor) -> Tensor:
-        """Return the distances of features (..., D) to all classes, whitened: (..., classes)."""
+    def nearest(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the whitened distance of features (..., D) to the closest class, and which: (...).
+
+        Products of matrices find it: differences from every class would take memory for classes
+        times recordings times features.
+        """
         point = self.whiten(features - self.means.mean(dim=0))
-        distances: Tensor = (point[..., None, :] - self.white).norm(dim=-1)
-        return distances
+        halves = self.white.square().sum(dim=1) / 2
+        closest = (halves - point @ self.white.T).argmin(dim=-1)
+        return (point - self.white[closest]).norm(dim=-1), closest
 
     @property
     def has_reach(self) -> bool:
@@ -181,59 +200,66 @@ class FeatureStatistics(nn.Module):
         It is 1 up to :attr:`reach`, and then falls with the square of the distance: as a Gaussian
         whose deviation grows until it covers the recording would weigh all differences.
         """
-        distance = self.distances(features).amin(dim=-1).clamp(min=MIN_VARIANCE)
+        distance = self.nearest(features)[0].clamp(min=MIN_VARIANCE)
         share: Tensor = (self.reach / distance).square()
         return share.clamp(max=1)
 
 
-def _scales(rows: Tensor, centred: Tensor, freedom: int) -> Tensor:
+def _scales(whole: Tensor, squares: Tensor, centre: Tensor, freedom: int) -> Tensor:
     """Return what each feature is divided by (D,), see :class:`FeatureStatistics`.
 
     Args:
-        rows: Features (N, D).
-        centred: The same about the means of their classes.
-        freedom: Degrees of freedom that these have.
+        whole: Variance of each feature (D,).
+        squares: Squared deviations of each from the means of the classes (D,), added up.
+        centre: Mean of each (D,).
+        freedom: Degrees of freedom of the deviations.
     """
-    whole = rows.var(dim=0, correction=0)
-    within = (centred.square().sum(dim=0) + PRIOR * whole) / (freedom + PRIOR)
-    varying = within > ROUNDING * rows.square().mean(dim=0)
+    within = (squares + PRIOR * whole) / (freedom + PRIOR)
+    varying = within > ROUNDING * (whole + centre.square())
     usual = within[varying].mean() if varying.any() else torch.ones_like(within[0])
     within = torch.where(varying, within, usual)  # any other value of a constant one is new
     ratios = (whole / within - 1).clamp(min=MIN_RATIO**2).sqrt()
     return within.sqrt() / ratios
 
 
-def _principal(centred: Tensor) -> tuple[Tensor, Tensor]:
-    """Return the squared singular values of rows (N, D), and their first directions (rank, D).
+def _principal(centred: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Return the largest squared singular values of rows (N, D), and their directions (rank, D).
 
-    They are those of the smaller one of the two products of the rows with themselves.
+    They are those of the smaller one of the two products of the rows with themselves. The sum of
+    all squared singular values, and that of their squares, come third and fourth.
     """
     wide = len(centred) < centred.shape[1]
     square = centred @ centred.T if wide else centred.T @ centred
-    values, vectors = torch.linalg.eigh(square)
-    spread, first = values.flip(0).clamp_min(0), vectors.flip(1)[:, :MAX_RANK].T
+    largest = max(0, len(square) - MAX_RANK), len(square) - 1
+    found = scipy.linalg.eigh(square.numpy(), subset_by_index=largest)
+    values, vectors = map(torch.from_numpy, found)
+    spread, first = values.flip(0).clamp_min(0), vectors.flip(1).T
     if wide:
         first = nn.functional.normalize(first @ centred, dim=1)
-    return spread, first
+    return spread, first, square.trace(), square.square().sum()
 
 
-def _shrunk(spread: Tensor, freedom: int, size: int) -> tuple[Tensor, Tensor]:
+def _shrunk(
+    spread: Tensor, total: Tensor, squared: Tensor, freedom: int, size: int
+) -> tuple[Tensor, Tensor]:
     """Return variances along the kept directions, and that along all others.
 
     Oracle approximating shrinkage (Chen et al. 2010) of a sample covariance towards its mean
     variance.
 
     Args:
-        spread: Eigenvalues of the sample covariance, largest first; all others are 0.
-        freedom: Degrees of freedom of the sample covariance.
+        spread: Largest eigenvalues of the scatter, the largest first.
+        total: Sum of all.
+        squared: Sum of their squares.
+        freedom: Degrees of freedom of the scatter: divided by them it is a sample covariance.
         size: Number of features.
     """
-    mean = spread.sum() / size
-    squares = spread.square().sum() / size**2
+    mean, squares = total / freedom / size, squared / freedom**2 / size**2
     excess = (freedom + 1) * (squares - mean**2 / size)
     share = (squares + mean**2) / excess if excess > 0 else torch.ones_like(mean)
     share = share.clamp(max=1)
-    rank = min(MAX_RANK, len(spread), freedom)
-    left = spread[rank:].sum() / max(1, size - rank)
-    shrunk = [(1 - share) * variance + share * mean for variance in (spread[:rank], left)]
+    rank = min(len(spread), freedom)
+    kept = spread[:rank] / freedom
+    left = (total / freedom - kept.sum()).clamp_min(0) / max(1, size - rank)
+    shrunk = [(1 - share) * variance + share * mean for variance in (kept, left)]
     return shrunk[0].clamp(min=MIN_VARIANCE), shrunk[1].clamp(min=MIN_VARIANCE)

@@ -130,7 +130,7 @@ def leave_out_each(
     for part in set(parts.tolist()) - {-1}:
         out = parts == part
         statistics = FeatureStatistics.of(features[~out], labels[~out], classes)
-        distance, closest = statistics.distances(features[out]).min(dim=1)
+        distance, closest = statistics.nearest(features[out])
         errs = (closest != labels[out]).to(distance)
         measured[out] = torch.stack((statistics.novelty(features[out]), distance, errs), dim=1)
     return measured
