@@ -20,7 +20,10 @@ SHRINKAGE = 3.0
 
 
 @pytest.mark.parametrize("bands", [BANDS, 60])  # fewer and more features than rows
-def test_the_ridge_and_what_it_says_of_rows_that_it_has_not_seen_are_scikit_learns(bands):
+def test_the_ridge_and_what_it_says_of_rows_that_it_has_not_seen_are_scikit_learns(
+    bands, monkeypatch
+):
+    monkeypatch.setattr("tex_lightning.networks.ridge.BLOCK", 7)  # rows are taken in blocks
     rng = np.random.default_rng(0)
     labels = np.repeat(np.arange(CLASSES), [8, 12, 20])  # each class weighs the same
     rows, strength = rng.standard_normal((40, bands)) + labels[:, None] / 3, 0.05

@@ -6,7 +6,7 @@ moment: ridge regression of the classes on the features, as in MiniRocket (Demps
 
 import math
 import statistics
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from itertools import product
 from typing import Annotated, NamedTuple
 
@@ -45,6 +45,8 @@ MIN_RELIABILITY = 0.05  # of one recording's score
 MANY = 5  # recordings of a class, from which on its scores are as large as with more
 MAX_THINNED = 50  # classes that reliability is measured on
 MAX_ROWS = 600  # that settings are chosen on
+LEAST_ROWS, SOME_CLASSES = 5, 60  # of a class; where fewer are left of each, so many classes
+BLOCK = 1000  # rows that are measured at once
 MAX_FRAGMENTS = 400  # that tell the scatter within recordings
 
 
@@ -98,8 +100,8 @@ class RangeGate(nn.Module):
 
     def limits_of(self, rows: Tensor) -> Tensor:
         """Return the limits (groups,) that training on rows (rows, D) gives."""
-        margin = 1 + MARGIN / len(rows) ** 0.5
-        longest = self.lengths(rows[:, :, None]).amax(dim=0)
+        margin, blocks = 1 + MARGIN / len(rows) ** 0.5, torch.split(rows[:, :, None], BLOCK)
+        longest = torch.stack([self.lengths(x).amax(dim=0) for x in blocks]).amax(dim=0)
         limits: Tensor = (margin**2 * longest).clamp_min(torch.finfo().tiny)
         return limits.to(self.limits)
 
@@ -272,16 +274,22 @@ class LinearNet(nn.Module):
         mean, deviation = rows.mean(dim=0), rows.std(dim=0, correction=0)
         scale = torch.where(deviation > MIN_DEVIATION, 1 / deviation, 0)
         share = torch.repeat_interleave(self.sizes.double().rsqrt(), self.sizes)  # of unit length
-        rows, within = (rows - mean) * scale * share, _spread(inputs) * scale * share
-        some = slice(None, None, math.ceil(len(rows) / MAX_ROWS))
-        ridge = Ridge(rows[some], labels[some], self.classes, within, self.levels)
-        choice = self._choose(ridge, parts[some])
-        factors = self._factors(ridge, choice, parts[some], units[some])
-        left_out = self._left_out_scores(ridge, choice, parts[some], factors)
-        sharpness = _sharpness(left_out, labels[some], parts[some], SHARPNESS)
+        rows, within = rows.sub_(mean).mul_(scale * share), _spread(inputs) * scale * share
+        some, nth = _chosen(labels, self.classes)
+        few, few_parts, few_units = labels[some] // nth, parts[some], units[some]
+        ridge = Ridge(rows[some], few, math.ceil(self.classes / nth), within, self.levels)
+        choice = self._choose(ridge, few_parts)
+        one, counts = self._reliability(ridge, choice, few_parts, few_units)
+        factors = _factors(one, counts)
+        left_out = self._left_out_scores(ridge, choice, few_parts, factors)
+        if nth == 1:
+            sharpness = _sharpness(left_out, few, few_parts, SHARPNESS)
+        else:
+            factors = _factors(one, _count_units(labels, units, self.classes))
+            sharpness = self._sharpness_of_one_part(rows, labels, parts, ridge, choice, factors)
         whole = Ridge(rows, labels, self.classes, within, self.levels)
         whitening, weights, bias = self._solve(whole, choice)
-        rows = whole.whitened(rows, whitening) / share
+        rows = whole.whitened(rows, whitening).div_(share)  # in place: many take all the memory
         self.mean.copy_(mean[:, None, None])
         self.scale.copy_(scale[:, None, None])
         self.whitening.copy_(whitening)
@@ -292,23 +300,28 @@ class LinearNet(nn.Module):
         self.score_layer.weight.copy_(weights[:, :, None, None])
         self.score_layer.bias = nn.Parameter(bias.to(self.score_layer.weight))
         left_out = left_out if len(rows) == len(inputs) and usual >= 2 else left_out[:0]
-        self._fit_planes(inputs, labels, parts, units, left_out)
+        self._fit_planes(inputs, labels, some, (few, few_parts, few_units, left_out))
 
     def _fit_planes(
-        self, inputs: Sequence[Tensor], labels: Tensor, parts: Tensor, units: Tensor, rival: Tensor
+        self,
+        inputs: Sequence[Tensor],
+        labels: Tensor,
+        some: Tensor,
+        tried: tuple[Tensor, Tensor, Tensor, Tensor],
     ) -> None:
         """Fit planes of the classes in one of the blocks of means, if they clearly beat the line.
 
         Args:
             inputs: Features (1, D, L) of each recording.
             labels: (recordings,) class indices.
-            parts: (recordings,) part in which each is left out; -1 for none.
-            units: (recordings,) number of what each is left out with.
-            rival: The line's scores of some of the recordings when they were left out; of none
+            some: Numbers of the recordings that settings are chosen on.
+            tried: Of these the class, the part in which each is left out, -1 for none, the number
+                of what it is left out with, and the line's scores when it was; none of the last
                 where fragments are no parts of recordings.
         """
         planes: ClassPlanes = self.head.scores.planes  # type: ignore[assignment]
         planes.take(None)
+        few, parts, units, rival = tried
         if not len(rival):
             return
         mean, scale = (x.double().cpu()[:, :, 0] for x in (self.mean, self.scale))
@@ -318,20 +331,18 @@ class LinearNet(nn.Module):
             for end, (kind, size) in zip(ends, self.blocks, strict=True)
             if kind == CURVED and size > DIRECTIONS and scale[end - size : end].any()
         ]
-        some = slice(None, None, math.ceil(len(labels) / len(rival)))
 
-        def cut(span: slice, some: slice) -> list[Tensor]:
-            return [
-                ((x[0, span].double().cpu() - mean[span]) * scale[span]).T for x in inputs[some]
-            ]
+        def cut(span: slice, some: Iterable[int]) -> list[Tensor]:
+            chosen = (inputs[number][0, span] for number in some)
+            return [((x.double().cpu() - mean[span]) * scale[span]).T for x in chosen]
 
         chosen = clearly_better_planes(
-            (cut(span, some) for span in spans), labels[some], parts[some], units[some], rival
+            (cut(span, some.tolist()) for span in spans), few, parts, units, rival
         )
         if chosen is not None:
             number, scores = chosen
-            sharpness = _sharpness(scores, labels[some], parts[some], 1 / SHARPNESS)
-            every = cut(spans[number], slice(None))
+            sharpness = _sharpness(scores, few, parts, 1 / SHARPNESS)
+            every = cut(spans[number], range(len(inputs)))
             fitted = fit_planes(every, labels, self.classes)
             wide = torch.zeros(len(fitted.projection), len(scale)).double()
             wide[:, spans[number]] = fitted.projection
@@ -368,7 +379,7 @@ class LinearNet(nn.Module):
             def scores(rest: Tensor) -> Tensor:
                 return ridge.scores(ridge.kernel(products, within, size, rest), size, rest)
 
-            left_out = _left_out(scores, parts, self.classes)
+            left_out = _left_out(scores, parts, ridge.classes)
             errors = weights * (left_out - targets).square().sum(dim=1)
             return Choice(products, within, size, left_out, errors)
 
@@ -384,24 +395,23 @@ class LinearNet(nn.Module):
         least = min(choice.error for choice in choices.values())
         return choices[max(x for x, choice in choices.items() if choice.error <= TIE * least)]
 
-    def _factors(self, ridge: Ridge, choice: Choice, parts: Tensor, units: Tensor) -> Tensor:
-        """Return by how much the scores of each class are enlarged (classes,), at least 1.
+    def _reliability(
+        self, ridge: Ridge, choice: Choice, parts: Tensor, units: Tensor
+    ) -> tuple[float | None, Tensor]:
+        """Return the reliability of one unit's score, and the units (classes,) of each class.
 
         What share of a score new recordings keep is measured by the parts that are left out, and
-        with as few units as the smallest class has.
+        with as few units as the smallest class has. It is None where classes need not differ.
         """
-        classes = range(self.classes)
-        members = [
-            torch.tensor(sorted({*units[ridge.labels == label].tolist()})) for label in classes
-        ]
-        counts = torch.tensor([len(x) for x in members]).clamp_min(1)
+        counts = _count_units(ridge.labels, units, ridge.classes).clamp_min(1)
         least = int(counts.min())
-        larger = [label for label in classes if len(members[label]) > least][:MAX_THINNED]
+        larger = (counts > least).nonzero()[:MAX_THINNED, 0].tolist()
         if not larger or least >= MANY:
-            return torch.ones(self.classes).double()
+            return None, counts
         shares: list[tuple[float, float, float]] = []
         for label in larger:
-            out = (ridge.labels == label) & ~torch.isin(units, members[label][:least])
+            members = torch.tensor(sorted({*units[ridge.labels == label].tolist()}))
+            out = (ridge.labels == label) & ~torch.isin(units, members[:least])
             kernel = ridge.kernel(choice.products, choice.within, choice.ridge, ~out)
             thinned = _share(ridge.scores(kernel, choice.ridge, ~out)[out], label)
             divided = len({*parts[ridge.labels == label].tolist()})
@@ -411,8 +421,7 @@ class LinearNet(nn.Module):
         one = thinned
         if fitted > least:
             one = reliability_of_one(thinned / max(whole, 1e-9), least, fitted)
-        kept = reliability_of_means(min(max(one, MIN_RELIABILITY), 1.0), counts.clamp(max=MANY))
-        return kept.max() / kept
+        return min(max(one, MIN_RELIABILITY), 1.0), counts
 
     def _scores(self, ridge: Ridge, choice: Choice, rest: Tensor, factors: Tensor) -> Tensor:
         """Return the final scores (rows, classes) of all rows by a fit to some of them."""
@@ -426,20 +435,42 @@ class LinearNet(nn.Module):
     ) -> Tensor:
         """Return the final scores (rows, classes) of each row by a fit without its part."""
         return _left_out(
-            lambda rest: self._scores(ridge, choice, rest, factors), parts, self.classes
+            lambda rest: self._scores(ridge, choice, rest, factors), parts, ridge.classes
         )
+
+    def _sharpness_of_one_part(
+        self,
+        rows: Tensor,
+        labels: Tensor,
+        parts: Tensor,
+        ridge: Ridge,
+        choice: Choice,
+        factors: Tensor,
+    ) -> float:
+        """Return the scale of scores as :func:`_sharpness` does, by the largest part alone.
+
+        All classes are told apart, which are too many for a fit without each part.
+        """
+        out = parts == parts[parts >= 0].mode().values
+        rest = Ridge(rows[~out], labels[~out], self.classes, ridge.within, self.levels)
+        whitening, weights, bias = self._solve(rest, choice)
+        scores = rest.whitened(rows[out], whitening) @ weights + bias
+        scores, about = _enlarged(scores.T, factors).T, SHARPNESS
+        for _ in range(2):  # of many classes it is beyond ten times of the first
+            about = _sharpness(scores, labels[out], parts[out], about)
+        return about
 
     def _solve(self, ridge: Ridge, choice: Choice) -> tuple[Tensor, Tensor, Tensor]:
         """Return whitening, weights (D, classes) and bias (classes,) of the fit to all rows."""
-        products = ridge.products(choice.products.kept)
-        weights, offset, whitening = ridge.solve(products, choice.within, choice.ridge)
+        weights, offset, whitening = ridge.solve(choice.products, choice.within, choice.ridge)
         scores = ridge.whitened(ridge.rows, whitening) @ weights + offset
         coefficients, intercept = self._discriminants(scores, ridge.labels)
         return whitening, weights @ coefficients, offset @ coefficients + intercept
 
     def _discriminants(self, scores: Tensor, labels: Tensor) -> tuple[Tensor, Tensor]:
-        freedom = max(1, len(scores) - self.classes)  # with which the scatter is known
-        return discriminants(scores, labels, self.shrinkage * self.classes / freedom)
+        classes = scores.shape[1]
+        freedom = max(1, len(scores) - classes)  # with which the scatter is known
+        return discriminants(scores, labels, self.shrinkage * classes / freedom)
 
     def _subsets(self) -> Iterator[Tensor]:
         """Yield which features (D,) are used: with every choice of optional blocks, none first."""
@@ -468,7 +499,9 @@ def _rows(
     numbers = {unit: number for number, unit in enumerate(dict.fromkeys(named))}
     units = torch.tensor([numbers[unit] for unit in named])
     if bool((parts >= 0).any()):
-        rows = torch.stack([features[0].double().mean(dim=1).cpu() for features in inputs])
+        rows = torch.empty(len(inputs), inputs[0].shape[1], dtype=torch.float64)
+        for row, features in zip(rows, inputs, strict=True):
+            row.copy_(features[0].double().mean(dim=1))
         return rows, labels, parts, units
     fragments = torch.tensor([features.shape[-1] for features in inputs])
     rows = torch.cat([features[0].T for features in inputs]).cpu().double()
@@ -476,13 +509,49 @@ def _rows(
     return rows, labels, torch.arange(len(rows)) % PARTS, units
 
 
+def _chosen(labels: Tensor, classes: int) -> tuple[Tensor, int]:
+    """Return the numbers of at most 600 rows to choose settings on, evenly spread.
+
+    Of many classes so few rows of each would be left that nothing of it could be left out; then
+    they are of every nth class, which comes second.
+    """
+    some, nth = torch.arange(len(labels)), 1
+    if len(labels) > MAX_ROWS and LEAST_ROWS * classes > MAX_ROWS:
+        nth = math.ceil(classes / SOME_CLASSES)
+        some = some[labels % nth == 0]
+    return some[:: math.ceil(len(some) / MAX_ROWS)], nth
+
+
+def _count_units(labels: Tensor, units: Tensor, classes: int) -> Tensor:
+    """Return the number of different units of each class (classes,)."""
+    pairs = {*zip(labels.tolist(), units.tolist(), strict=True)}
+    return torch.tensor([label for label, _ in pairs]).bincount(minlength=classes)
+
+
+def _factors(one: float | None, counts: Tensor) -> Tensor:
+    """Return by how much the scores of each class are enlarged (classes,), at least 1.
+
+    Args:
+        one: Reliability of the score that one unit gives; None enlarges none.
+        counts: Units (classes,) of each class.
+    """
+    if one is None:
+        return torch.ones(len(counts)).double()
+    kept = reliability_of_means(one, counts.clamp(max=MANY))
+    return kept.max() / kept
+
+
 def _spread(inputs: Sequence[Tensor]) -> Tensor:
     """Return deviations (fragments, D) of some fragments from the means of their recordings."""
-    parts = [(x[0] - x[0].mean(dim=1, keepdim=True)).T for x in inputs if x.shape[-1] > 1]
-    if not parts:
-        return torch.zeros(0, inputs[0].shape[1]).double()
-    fragments = torch.cat(parts).cpu().double()
-    return fragments[:: math.ceil(len(fragments) / MAX_FRAGMENTS)]
+    some = [x[0] for x in inputs if x.shape[-1] > 1]
+    step = math.ceil(sum(x.shape[1] for x in some) / MAX_FRAGMENTS)
+    parts, before = [torch.zeros(0, inputs[0].shape[1]).double()], 0
+    for x in some:
+        wanted = slice(-before % step, None, step)
+        if wanted.start < x.shape[1]:
+            parts.append((x[:, wanted] - x.mean(dim=1, keepdim=True)).T.cpu().double())
+        before += x.shape[1]
+    return torch.cat(parts)
 
 
 def _left_out(scores: Callable[[Tensor], Tensor], parts: Tensor, classes: int) -> Tensor:

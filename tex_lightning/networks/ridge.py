@@ -10,6 +10,7 @@ import torch
 from torch import Tensor, nn
 
 LEVEL_SHRINKAGE = 0.001  # of the scatter of levels within classes, in their mean variance
+BLOCK = 1000  # rows that are multiplied at once
 MIN_VARIANCE = 1e-9  # of a direction within recordings, as a share of the largest
 
 
@@ -79,6 +80,8 @@ class Ridge:
 
     def whitened(self, rows: Tensor, whitening: Tensor) -> Tensor:
         """Return rows (rows, D) with the levels multiplied by a matrix (levels, levels)."""
+        if not self.levels:
+            return rows
         start = rows.shape[1] - self.levels
         return torch.cat((rows[:, :start], rows[:, start:] @ whitening), dim=1)
 
@@ -127,15 +130,27 @@ class Ridge:
         weights, whitening = self.weights(every), torch.eye(self.levels).double()
         if self.levels:
             whitening = equal_scatter(self.rows[:, -self.levels :], self.labels)
-        rows = self.whitened(self.rows * products.kept, whitening)
-        centre, share, root = weights @ rows, weights @ self.targets, weights.sqrt()[:, None]
-        rows, targets = (rows - centre) * root, (self.targets - share) * root
+        centre, share = weights @ self.rows, weights @ self.targets
+        centre = self.whitened(centre[None] * products.kept, whitening)
+        root, targets = weights.sqrt()[:, None], self.targets - share
         variances = within * products.variances
-        if len(rows) > rows.shape[1]:
+
+        def centred(some: slice) -> Tensor:
+            rows = self.whitened(self.rows[some] * products.kept, whitening)
+            return rows.sub_(centre).mul_(root[some])
+
+        if len(self.rows) > self.rows.shape[1]:
             metric = (products.directions.T * variances) @ products.directions
             metric += ridge * torch.eye(len(metric)).double()
-            solution = torch.linalg.solve(rows.T @ rows + metric, rows.T @ targets)
+            moments = metric.new_zeros(len(metric), self.classes)
+            for first in range(0, len(self.rows), BLOCK):
+                some = slice(first, first + BLOCK)
+                rows = centred(some)
+                metric.addmm_(rows.T, rows)
+                moments.addmm_(rows.T, root[some] * targets[some])
+            solution = torch.linalg.solve(metric, moments)
         else:
+            rows, targets = centred(slice(None)), root * targets
             shrunk, across = variances / (ridge + variances), rows @ products.directions.T
             inner = (
                 rows @ rows.T - across * shrunk @ across.T + ridge * torch.eye(len(rows)).double()
@@ -143,7 +158,7 @@ class Ridge:
             solution = rows.T @ torch.linalg.solve(inner, targets)
             along = products.directions @ solution
             solution = solution - products.directions.T @ (shrunk[:, None] * along)
-        return solution, share - centre @ solution, whitening
+        return solution, share - (centre @ solution)[0], whitening
 
 
 def reliability_of_means(one: float, counts: Tensor) -> Tensor:
