@@ -5,7 +5,7 @@ import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar, Self, cast, overload
 
 import numpy as np
 import torch
@@ -198,8 +198,8 @@ class SignalSense(Sense):
         return torch.from_numpy(trace), trace_quality(raw, usual, self.what, measures)
 
 
-class Loaded:
-    """Decoded recordings, loaded one by one each time that they are gone through.
+class Loaded(Sequence[Tensor]):
+    """Decoded recordings, each loaded when it is looked at.
 
     Args:
         rows: The recordings.
@@ -210,9 +210,19 @@ class Loaded:
     def __init__(self, rows: Sequence[Recording], store: Store, device: torch.device) -> None:
         self.rows, self.store, self.device = rows, store, device
 
-    def __iter__(self) -> Iterator[Tensor]:
-        """Load each of them."""
-        return (load_recording(row, self.store).to(self.device) for row in self.rows)
+    def __len__(self) -> int:
+        """Number of recordings."""
+        return len(self.rows)
+
+    @overload
+    def __getitem__(self, place: int) -> Tensor: ...
+    @overload
+    def __getitem__(self, place: slice) -> Self: ...
+    def __getitem__(self, place: int | slice) -> Tensor | Self:
+        """Load one of them, or choose some."""
+        if isinstance(place, slice):
+            return type(self)(self.rows[place], self.store, self.device)
+        return load_recording(self.rows[place], self.store).to(self.device)
 
 
 def fit_closed_form(network: Any, bank: Bank, labels: Indices, groups: Sequence[str]) -> None:  # noqa: ANN401

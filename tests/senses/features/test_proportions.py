@@ -1,6 +1,7 @@
 """Proportions of bands: filters, what counts and what does not, fragments, wrong input."""
 
 import weakref
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -236,26 +237,36 @@ def test_fragments_have_the_mean_and_variance_of_their_rows():
     np.testing.assert_allclose(moments.variance, [part.var(axis=0) for part in parts], atol=1e-6)
 
 
-def test_recordings_that_can_be_read_again_are_not_held():
-    held, most = weakref.WeakSet(), 0
+def test_recordings_are_not_held_and_no_more_than_enough_are_read(monkeypatch):
+    held, most, seen = weakref.WeakSet(), 0, set()
 
-    class Recordings:
-        def __iter__(self):
+    class Recordings(Sequence):
+        def __init__(self, seeds):
+            self.seeds = seeds
+
+        def __len__(self):
+            return len(self.seeds)
+
+        def __getitem__(self, place):
             nonlocal most
-            for seed in range(6):
-                trace = noise(2, seed=seed)
-                held.add(trace)
-                most = max(most, len(held))
-                yield trace
+            if isinstance(place, slice):
+                return Recordings(self.seeds[place])
+            seen.add(self.seeds[place])
+            trace = noise(2, seed=self.seeds[place])
+            held.add(trace)
+            most = max(most, len(held))
+            return trace
 
     read, listed = make(), make()
-    read.learn(Recordings())
-    listed.learn(iter(Recordings()))  # can be read once
+    read.learn(Recordings(range(6)))
+    listed.learn([noise(2, seed=seed) for seed in range(6)])
     torch.testing.assert_close(read.thresholds0, listed.thresholds0, rtol=0, atol=0)
-    assert most == 6
-    most = 0
-    read.learn(Recordings())
     assert most <= 2
+    assert seen == {*range(6)}
+    monkeypatch.setattr(proportions, "MAX_RECORDINGS", 3)
+    seen.clear()
+    read.learn(Recordings(range(6)))
+    assert seen == {0, 2, 4}
 
 
 @pytest.mark.parametrize(("seconds", "fragments"), [(0.26, 1), (1.2, 2), (5.0, 10)])

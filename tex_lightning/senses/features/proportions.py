@@ -31,6 +31,7 @@ BLOCK = (
     1 << 18
 )  # samples of the frames that are computed at once, about, so that they stay in cache
 MIN_BLOCK, MAX_BLOCK = 64, 256  # frames
+MAX_RECORDINGS = 2000  # that level and thresholds are learnt from, evenly spread over the training
 MAX_FRAMES = 50_000  # frames, about, that thresholds are learnt from: enough for quantiles
 FLOOR = 1e-7  # of the power of a frame; below it the logarithm is flat
 SILENCE = 1e-15  # of the mean power of the training set, likewise
@@ -284,15 +285,13 @@ class BandProportions(nn.Module):
             responses.append(compared(logs, self.gaps[index], len(self.kinds)))
         return torch.cat(responses, dim=1)
 
-    def learn(self, traces: Iterable[Tensor]) -> None:
-        """Take level, thresholds, and which windows fit, from the training set.
+    def learn(self, traces: Sequence[Tensor]) -> None:
+        """Take level, thresholds, and which windows fit, from at most 2,000 of the training set.
 
         Args:
-            traces: (axes, samples) each. What can be gone through again, as a list, is read several
-                times and not held.
+            traces: (axes, samples) each; some of them are read several times and not held.
         """
-        if iter(traces) is traces:
-            traces = list(traces)
+        traces = traces[:: math.ceil(len(traces) / MAX_RECORDINGS)]
         self.fits.fill_(False)
         self._note_windows()
         counts = [self.movement(trace).shape[-1] for trace in traces]
