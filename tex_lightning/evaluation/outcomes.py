@@ -20,6 +20,7 @@ import torch
 from tex_lightning import __version__
 from tex_lightning.classifier.classifier import Decider
 from tex_lightning.classifier.vote import Vote
+from tex_lightning.config import TrainerConfig
 from tex_lightning.core.devices import synchronise
 from tex_lightning.core.files import read_rows, write_rows, write_text
 from tex_lightning.core.progress import track
@@ -144,9 +145,16 @@ def write_results(path: Path, results: dict[str, Any]) -> None:
     write_text(path, json.dumps(results, indent=2) + "\n")
 
 
-def environment(device: torch.device) -> dict[str, Any]:
-    """Return the environment in which a figure was measured."""
-    name = torch.cuda.get_device_name(device) if device.type == "cuda" else device.type
+def environment(device: torch.device, trainer: TrainerConfig | None = None) -> dict[str, Any]:
+    """Return the environment in which a figure was measured.
+
+    Args:
+        device: That computed. An NVIDIA GPU is described further.
+        trainer: Settings of the trainings, for their precision; None tells none.
+    """
+    cuda = device.type == "cuda"
+    name = torch.cuda.get_device_name(device) if cuda else device.type
+    precision = None if trainer is None else trainer.precision
     return {
         "versions": {
             "tex_lightning": __version__,
@@ -158,6 +166,17 @@ def environment(device: torch.device) -> dict[str, Any]:
         "cores": os.cpu_count(),
         "device": name,
         "threads": torch.get_num_threads(),
+        **({"cuda": {**_cuda_versions(), "precision": precision}} if cuda else {}),
+    }
+
+
+def _cuda_versions() -> dict[str, Any]:
+    """Return what the results of an NVIDIA GPU depend on, beside its name."""
+    return {
+        "cuda": torch.version.cuda,
+        "cudnn": torch.backends.cudnn.version(),  # type: ignore[no-untyped-call]  # no annotation
+        "driver": _output("nvidia-smi", "--query-gpu=driver_version", "--format=csv,noheader"),
+        "tf32": torch.backends.cuda.matmul.allow_tf32,
     }
 
 
@@ -165,12 +184,16 @@ def _commit(root: Path) -> str | None:
     """Return the commit of a checkout, ``-dirty`` if files were changed; None elsewhere."""
     if not (root / ".git").exists():  # installed, perhaps below a checkout of something else
         return None
-    command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--exclude=*"]
+    return _output("git", "-C", str(root), "describe", "--always", "--dirty", "--exclude=*")
+
+
+def _output(*command: str) -> str | None:
+    """Return the first line that a command prints; None where it fails, or prints nothing."""
     try:
-        described = subprocess.run(command, capture_output=True, text=True, check=True, timeout=10)
+        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=10)
     except (OSError, subprocess.SubprocessError):
         return None
-    return described.stdout.strip()
+    return next(iter(done.stdout.splitlines()), None)
 
 
 def _cpu_name() -> str:

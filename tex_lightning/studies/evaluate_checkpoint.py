@@ -54,7 +54,9 @@ def results_frame(
         "seed": config.seed,
         "wall_seconds": seconds,
         "skipped": skipped_entry(skipped),
-        "environment": environment(computing_device(config.trainer.accelerator, [baseline])),
+        "environment": environment(
+            computing_device(config.trainer.accelerator, [baseline]), config.trainer
+        ),
         "networks": networks,
     }
 

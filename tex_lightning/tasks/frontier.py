@@ -69,7 +69,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "seed": config.seed,
         "folds": folds,
         "wall_seconds": time.perf_counter() - begin,
-        "environment": environment(computing_device(config.trainer.accelerator, baselines)),
+        "environment": environment(
+            computing_device(config.trainer.accelerator, baselines), config.trainer
+        ),
         "chosen": chosen.name,
         "command": _command(job, chosen.overrides),
         "overrides": chosen.overrides,

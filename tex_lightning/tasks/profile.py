@@ -43,7 +43,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "weights": RANDOM if config.checkpoint is None else config.checkpoint,
         "seed": config.seed,
         "wall_seconds": time.perf_counter() - begin,
-        "environment": environment(device),
+        "environment": environment(device, config.trainer),
         "engine": asdict(config.engine),
         "networks": networks,
     }

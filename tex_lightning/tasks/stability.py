@@ -43,7 +43,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "data": config.data.name,
         "seed": config.seed,
         "wall_seconds": time.perf_counter() - begin,
-        "environment": environment(computing_device(config.trainer.accelerator, baselines)),
+        "environment": environment(
+            computing_device(config.trainer.accelerator, baselines), config.trainer
+        ),
         "engine": asdict(config.engine),
         "perturbations": {perturbation.name: asdict(perturbation) for perturbation in chosen},
         "chance": chance,
