@@ -1,11 +1,12 @@
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import torch
 from conftest import ramp
 
 from tex_lightning.data.banks import InputBank, PhotoBank
-from tex_lightning.data.datamodule import SampleSet, TrainingBatches
+from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatches
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.readers.folder import read_folder
@@ -78,3 +79,13 @@ def test_a_whole_sample_has_the_recordings_of_all_its_modalities(surfaces, tmp_p
     for modality, recording in item["recordings"].items():
         expected, _ = decoders[modality].decode(samples[12].recordings[modality].path)
         np.testing.assert_array_equal(recording.numpy(), expected)
+
+
+def test_memory_is_pinned_for_a_gpu_that_is_used(surfaces, photos, monkeypatch):
+    """Pinning starts the GPU, which a training on the CPU does not need."""
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    data = SurfaceData(batches(surfaces, photos[1]), 2, None, 0)
+    for kind in ("cpu", "cuda"):
+        strategy = SimpleNamespace(root_device=torch.device(kind))
+        data.trainer = SimpleNamespace(strategy=strategy, global_rank=0, world_size=1)
+        assert data.train_dataloader().pin_memory == (kind == "cuda")
