@@ -344,6 +344,8 @@ def chosen() -> Iterator[torch.device]:
     with pytest.MonkeyPatch.context() as patch:
         for name, module in list(sys.modules.items()):
             if name.startswith("tex_lightning") and getattr(module, "pick_device", None) is pick:
-                patch.setattr(module, "pick_device", lambda _: device)
+                patch.setattr(
+                    module, "pick_device", lambda asked: real if asked == "cpu" else device
+                )
         patch.setattr("tex_lightning.learning.trainer.Trainer", far_trainer)
         yield device

@@ -140,6 +140,25 @@ def test_results_name_the_device_that_computed(second_device, cli, tiny, naive_b
         assert results["environment"]["device"] == "cpu"
 
 
+def test_one_signal_is_predicted_from_on_the_cpu(second_device, cli, untrained, surfaces):
+    """Unless another device is asked for; several signals take the device, and so does a photo."""
+    checkpoint = f"checkpoint={untrained}/checkpoints/fusion.ckpt"
+    haptic, image = (f"{name}={surfaces}/alpha/{name}" for name in ("haptic", "image"))
+    labels, one = [], f"{haptic}/alpha_0.wav"
+    for *files, there in (
+        (one, False),
+        (one, "trainer.accelerator=gpu", True),
+        (f"haptic=[{one.partition('=')[2]},{surfaces}/beta/haptic/beta_1.wav]", True),
+        (one, f"{image}/alpha_0.png", True),
+    ):
+        with stand_in.noting() as counts:
+            done = cli("task=predict", checkpoint, *files)
+        assert done.status == 0, done.err
+        assert bool(counts) == there or second_device.type != stand_in.NAME
+        labels.append(json.loads(done.out.splitlines()[0])["label"])
+    assert labels[0] == labels[1] == labels[2]
+
+
 def test_the_stand_in_refuses_what_devices_refuse():
     far = torch.zeros(3, device=stand_in.register())
     assert (2 * far + torch.tensor(1.0)).tolist() == [1, 1, 1]  # a number of no axes may join

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from glob import glob, has_magic
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 from torch import Tensor
 
 from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import print_line, say
@@ -33,7 +35,8 @@ def run(config: Config, job: Job) -> None:
     Raises:
         UserError: At the end, naming the samples that could not be classified.
     """
-    predictor = Predictor(load_classifier(str(config.checkpoint)), config)
+    classifier = load_classifier(str(config.checkpoint))
+    predictor = Predictor(classifier, _for_one(classifier, config))
     predictor.check_senses(config.files)
     samples = match_files({name: find_files(name, value) for name, value in config.files.items()})
     if config.adapt:
@@ -53,6 +56,19 @@ def run(config: Config, job: Job) -> None:
     if failures:
         count = f"{len(failures)} of {len(samples)} samples could not be classified:"
         raise UserError(count, *failures)
+
+
+def _for_one(classifier: SurfaceClassifier, config: Config) -> Config:
+    """Return the settings for one signal, which by default takes the CPU; else what is given.
+
+    Its label takes some milliseconds, in which no GPU has started. Photos may be large.
+    """
+    given = {name: value for name, value in config.files.items() if value is not None}
+    signals = {x.modality for x in classifier.senses.values() if x.medium == "signal"}
+    single = all(is_file(Path(str(value)).expanduser()) for value in given.values())
+    if config.trainer.accelerator != "auto" or not single or not signals.issuperset(given):
+        return config
+    return replace(config, trainer=replace(config.trainer, accelerator="cpu"))
 
 
 def adapted(predictor: Predictor, samples: Sequence[Mapping[str, Path]]) -> Predictor:
