@@ -1,6 +1,7 @@
 """Networks that are fitted again with unlabelled recordings, and when they are left alone."""
 
 from copy import deepcopy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import torch
 from conftest import make_card
 from torch import nn
 
+from tex_lightning.classifier.card import NOVELTIES
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.classifier.training_rows import TrainingRows
@@ -109,6 +111,28 @@ def test_what_tells_too_little_changes_nothing(classifier, counts, said):
     assert not found.taught
     with pytest.raises(AssertionError, match=said):
         raise AssertionError(str(found))
+
+
+def test_what_is_called_unknown_teaches_nothing(classifier):
+    inputs, labels = recordings(dict.fromkeys(range(CLASSES + 1), 30))
+    features = embeddings(classifier.network, inputs)
+    statistics = classifier.statistics["haptic"]
+    novelties = [float(statistics.novelty(x.mean(dim=1))) for x in features]
+    known = [x for x, label in zip(novelties, labels, strict=True) if label < CLASSES]
+    strict = deepcopy(classifier)
+    strict.card = replace(
+        strict.card,
+        decision={**strict.card.decision, "unknown": 0.05},
+        calibration={NOVELTIES: {"haptic": known}},
+    )
+    near = [x <= strict.card.unknown_above for x in novelties]
+    assert sum(near) < 0.98 * len(near)
+    found = adapt(strict, features)
+    without = adapt(classifier, [x for x, is_near in zip(features, near, strict=True) if is_near])
+    assert not found.reason
+    assert (found.recordings, found.taught) == (sum(near), without.taught)
+    strict.card = replace(strict.card, calibration={NOVELTIES: {"haptic": [-1.0]}})
+    assert adapt(strict, features).reason == "there are no recordings of known classes"
 
 
 def test_one_training_recording_of_a_class_does_not_tell_which_are_absent():

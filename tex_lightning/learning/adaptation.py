@@ -20,6 +20,7 @@ from torch import Tensor, nn
 
 from tex_lightning.classifier.card import CROSSVAL, NOVELTIES
 from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.classifier.training_rows import TrainingRows
 from tex_lightning.errors import UserError
 from tex_lightning.learning.statistics import statistics_with_reach
@@ -46,7 +47,7 @@ class Adaptation(NamedTuple):
     Attributes:
         classifier: The new one, on the CPU; the given one if nothing was done.
         reason: Why nothing was done; empty if something was.
-        recordings: Number of recordings that were given.
+        recordings: Number of recordings that were given and not called unknown.
         taught: Number of recordings that taught each class.
         changed: Number of recordings that have another label than before.
     """
@@ -70,7 +71,9 @@ class Adaptation(NamedTuple):
 def adapt(classifier: SurfaceClassifier, embeddings: Iterable[Tensor]) -> Adaptation:
     """Fit a copy of a classifier again with unlabelled recordings, where that seems safe.
 
-    The order of the recordings makes no difference.
+    The order of the recordings makes no difference. With ``decision.unknown`` those that the
+    classifier calls unknown are not learnt from: a class that it never saw would teach another one,
+    and be taken for that.
 
     Args:
         classifier: Of one network in closed form that keeps its training rows.
@@ -82,11 +85,14 @@ def adapt(classifier: SurfaceClassifier, embeddings: Iterable[Tensor]) -> Adapta
     """
     check_adaptable(classifier)
     given = [(x.mean(dim=1).cpu(), x.shape[1]) for x in embeddings]
+    whole, limit = deepcopy(classifier).cpu(), classifier.card.unknown_above
+    (name,), network = whole.senses, cast(LinearNet, whole.network)
+    if limit is not None:
+        novelty = cast(FeatureStatistics, whole.statistics[name]).novelty
+        given = [(mean, count) for mean, count in given if novelty(mean) <= limit]
     given.sort(key=lambda pair: pair[0].numpy().tobytes())
     if not given:
-        return Adaptation(classifier, "there are no recordings", 0, {}, 0)
-    whole = deepcopy(classifier).cpu()
-    (name,), network = whole.senses, cast(LinearNet, whole.network)
+        return Adaptation(classifier, "there are no recordings of known classes", 0, {}, 0)
     student = _Student(
         network, cast(TrainingRows, whole.rows[name]), torch.stack([mean for mean, _ in given])
     )
