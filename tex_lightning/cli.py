@@ -40,7 +40,7 @@ from tex_lightning.core.console import Screen, console, say, show_rank_zero, ver
 from tex_lightning.core.contract import fault_of
 from tex_lightning.core.files import UNWRITABLE, unwritable
 from tex_lightning.core.progress import finishing
-from tex_lightning.core.ranks import is_rank_zero, joining, started_processes
+from tex_lightning.core.ranks import is_rank_zero, joining, requeueing, started_processes
 from tex_lightning.core.run_folder import (
     claim_folder,
     find_checkpoint,
@@ -267,7 +267,7 @@ def run_job(composed: DictConfig) -> float | None:
         if mistake is None:
             log.exception("This job of the sweep failed.")
         said = mistake or fault_of(error) or f"{type(error).__name__}: {error}"
-        note_failure(job, str(said))
+        note_failure(job.directory, job.overrides, str(said))
         return None
 
 
@@ -326,7 +326,8 @@ def _run_in_folder(config: Config, composed: DictConfig, job: Job) -> dict[str, 
     """Run a task in its locked run folder; return its results, if any."""
     locked = is_rank_zero() and config.task not in SILENT
     lock = locked_folder(job.directory) if locked else nullcontext()
-    with verbosity(config.verbose), finishing(), lock:
+    again = nullcontext() if config.task in SILENT else requeueing()
+    with verbosity(config.verbose), finishing(), lock, again:
         if is_rank_zero() and config.task not in NO_FOLDER:
             claim_folder(composed, flatten(plain_values(config)), job)
         # a task is imported when it runs: most take Lightning, which predictions do without

@@ -2,11 +2,13 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 
 import pytest
 import torch
+from lightning import Callback
 
 from tex_lightning import cli as command
 from tex_lightning.config import CONF
@@ -18,6 +20,7 @@ from tex_lightning.core.ranks import (
     is_launched,
     is_rank_zero,
     joining,
+    requeueing,
     started_processes,
 )
 from tex_lightning.errors import UserError
@@ -69,10 +72,14 @@ def test_who_was_started_beside_others_has_its_rank_where_they_train_together(
     before = give(monkeypatch, variables)
     assert started_processes() == 2
     check_started(2)
+    per_node = (
+        {"SLURM_NTASKS_PER_NODE": "2"} if variables is STEP else {}
+    )  # without --ntasks-per-node
     with joining(2):
         assert not is_rank_zero()
-        assert before == {**os.environ}
+        assert {**before, **per_node} == {**os.environ}
         assert pick_device("cuda") == torch.device("cuda", 1)  # before Lightning has chosen it
+    assert before == {**os.environ}
     with pytest.raises(UserError, match=r"has started 2 processes.*trains with 1: .*trainer=ddp"):
         check_started(1)
 
@@ -98,10 +105,55 @@ def test_tasks_without_srun_are_told_the_cure_and_a_shell_or_a_single_task_is_no
     check_started(1)
     give(monkeypatch, {"SLURM_JOB_NAME": "train", "SLURM_NTASKS": "1"})
     check_started(1)
-    with joining(1):  # so that Lightning queues it again where it is told to end
-        assert os.environ["SLURM_NTASKS"] == "1"
-    with joining(2):  # it would wait for a second task
-        assert "SLURM_NTASKS" not in os.environ
+    for processes in (1, 2):  # Lightning would write checkpoints of its own, or wait for a task
+        with joining(processes):
+            assert "SLURM_NTASKS" not in os.environ
+
+
+@pytest.fixture
+def queue(monkeypatch, tmp_path):
+    """A stand-in for scontrol; returns the file of what it was asked."""
+    asked, program = tmp_path / "asked", tmp_path / "bin" / "scontrol"
+    program.parent.mkdir()
+    program.write_text(f'#!/bin/sh\necho "$@" >> "{asked}"\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(program.parent), prepend=os.pathsep)
+    return asked
+
+
+class SignalOnce(Callback):
+    """Signals this process in the midst of the first epoch, as SLURM does before a time limit."""
+
+    def on_train_batch_end(self, trainer, module, outputs, batch, batch_idx):
+        if (trainer.current_epoch, batch_idx) == (0, 0):
+            signal.raise_signal(signal.SIGUSR1)
+
+
+def test_a_job_of_slurm_that_is_told_to_end_is_queued_again(
+    monkeypatch, queue, cli, tiny, tmp_path
+):
+    give(monkeypatch, {**BATCH, "SLURM_NTASKS": "1", "SLURM_JOB_NAME": "train"})
+    added = f"+callbacks.signal._target_={__name__}.SignalOnce"
+    run = [*tiny, "model=haptic", "trainer.accelerator=cpu", "logger=csv"]
+    outcome = cli(*run, added, f"trusted=[{__name__}]", f"hydra.run.dir={tmp_path / 'run'}")
+    assert outcome.status == 0, outcome.err
+    assert queue.read_text() == "requeue 7\n"
+    assert not [*tmp_path.rglob("hpc_ckpt*")]  # Lightning's, where every further network starts
+    assert signal.getsignal(signal.SIGUSR1) is signal.SIG_DFL
+
+
+@pytest.mark.parametrize("name", ["rank", "shell", "handled"])
+def test_only_rank_zero_of_a_batch_job_queues_it_again(monkeypatch, queue, name):
+    give(monkeypatch, {**BATCH, "SLURM_JOB_NAME": "bash" if name == "shell" else "train"})
+    said, handler = [], {"rank": signal.SIG_DFL}.get(name, lambda *_: said.append(1))
+    monkeypatch.setattr(Process, "rank", int(name == "rank"))
+    before = signal.signal(signal.SIGUSR1, handler)
+    try:
+        with requeueing():
+            signal.raise_signal(signal.SIGUSR1)
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+    assert (len(said), queue.exists()) == (int(name != "rank"), False)
 
 
 @pytest.mark.slow

@@ -7,7 +7,11 @@ Lightning, which would wait for the others, or write nothing.
 """
 
 import os
+import shutil
+import signal
+import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import ClassVar
@@ -16,6 +20,7 @@ PARENT = "TEX_LIGHTNING_PARENT"  # number of the process that Lightning starts a
 TORCHRUN = "TORCHELASTIC_RUN_ID"
 RANKS = ("RANK", "LOCAL_RANK", "JSM_NAMESPACE_RANK", "WORLD_SIZE", "NODE_RANK", "GROUP_RANK")
 SLURM = ("SLURM_PROCID", "SLURM_NTASKS")
+PER_NODE = "SLURM_NTASKS_PER_NODE"  # Lightning asks for it; SLURM does not derive it from --ntasks
 INTERACTIVE = ("bash", "interactive")  # names of jobs of SLURM in which somebody types commands
 
 
@@ -76,6 +81,7 @@ def joining(processes: int) -> Iterator[None]:
         processes: Number of processes that train together; 1 for whatever runs alone.
     """
     together, number = processes > 1 and started_processes() == processes, 0
+    given: dict[str, str] = {}
     hidden, local = {*RANKS, TORCHRUN, *SLURM}, 0
     if is_launched():
         hidden, number = set(), (local := _number("LOCAL_RANK"))
@@ -83,12 +89,13 @@ def joining(processes: int) -> Iterator[None]:
         hidden, number, local = set(), _number("RANK"), _number("LOCAL_RANK")
     elif together:
         hidden, number, local = {*RANKS}, _number("SLURM_PROCID"), _number("SLURM_LOCALID")
-    elif processes == slurm_tasks() == _number("SLURM_PROCID", -1) + 1:
-        hidden -= {*SLURM}  # Lightning queues a job with a single task again, if it is told to end
+        each = processes // max(1, _number("SLURM_NNODES", 1))
+        given = {PER_NODE: str(each)} if PER_NODE not in os.environ else {}
     elif processes > 1:
         os.environ[PARENT] = str(os.getpid())
     Process.rank, Process.local = number, local
     before = {name: os.environ.pop(name) for name in hidden & os.environ.keys()}
+    os.environ.update(given)
     if hidden and (said := sys.modules.get("lightning_utilities.core.rank_zero")):
         said.rank_zero_only.rank = number  # which was read when Lightning was imported
     try:
@@ -96,4 +103,36 @@ def joining(processes: int) -> Iterator[None]:
     finally:
         if not is_launched():
             os.environ.pop(PARENT, None)
+        for name in given:
+            os.environ.pop(name, None)
         os.environ.update(before)
+
+
+@contextmanager
+def requeueing() -> Iterator[None]:
+    """Queue this batch job of SLURM again when it sends SIGUSR1, shortly before it ends the job.
+
+    The last finished epoch is on the disk. Lightning, which leaves a signal alone that is handled,
+    would write a checkpoint in the midst of an epoch, and start every later network from it.
+    """
+    job, scontrol = os.environ.get("SLURM_JOB_ID"), shutil.which("scontrol")
+    typed = os.environ.get("SLURM_JOB_NAME") in INTERACTIVE
+    if job is None or scontrol is None or typed or not _can_handle():
+        yield
+        return
+
+    def requeue(*_: object) -> None:
+        if is_rank_zero():
+            subprocess.call([scontrol, "requeue", job])
+
+    before = signal.signal(signal.SIGUSR1, requeue)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+
+
+def _can_handle() -> bool:
+    """Return whether this thread may handle SIGUSR1, and the program around it does not."""
+    alone = threading.current_thread() is threading.main_thread()
+    return alone and signal.getsignal(signal.SIGUSR1) is signal.SIG_DFL
