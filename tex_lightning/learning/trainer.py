@@ -277,6 +277,8 @@ def fit_network(
             f"model.{module.kind}.fit.batch_size, or set norm=none of what is trained."
         ) from error
     except SystemExit as stop:  # Lightning's answer to Ctrl-C, which it ignores from then on
+        if stop.code not in (1, None):  # submitit's, which has queued the job again
+            raise
         if threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGINT, handler)  # a notebook goes on
         raise KeyboardInterrupt from stop

@@ -2,7 +2,8 @@
 
 import json
 import logging
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, ClassVar
@@ -11,7 +12,6 @@ from hydra.core.utils import JobReturn
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
-from tex_lightning.config.composition import Job
 from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.core.console import NORMAL, Screen, say
 from tex_lightning.core.files import write_text
@@ -23,17 +23,18 @@ log = logging.getLogger(__name__)
 FAILURE = "failure.json"  # in the folder of a job that failed
 ALL_COMBINATIONS = "hydra._internal.core_plugins.basic_sweeper.BasicSweeper"
 ONE_BY_ONE = "hydra._internal.core_plugins.basic_launcher.BasicLauncher"
+ON_SLURM = "hydra_plugins.hydra_submitit_launcher.submitit_launcher.SlurmLauncher"
 NO_SWEEP = (
     "A sweep runs every job in one process; leave out trainer=ddp, trainer.devices and "
     "trainer.num_nodes, or run without -m."
 )
 
 
-def note_failure(job: Job, reason: str) -> None:
-    """Write the reason of a failure into the job's folder, for the summary and the user."""
+def note_failure(directory: Path, overrides: Sequence[str], reason: str) -> None:
+    """Write the reason of a failure into a job's folder, for the summary and the user."""
     log.error("%s", reason)
-    text = json.dumps({"error": reason, "overrides": job.overrides}, indent=1)
-    write_text(job.directory / FAILURE, text)
+    text = json.dumps({"error": reason, "overrides": [*overrides]}, indent=1)
+    write_text(directory / FAILURE, text)
 
 
 @contextmanager
@@ -74,6 +75,12 @@ class SweepSummary(Callback):
             self._running.enter_context(locked_folder(_folder(config), "hydra.sweep.dir"))
         verbose = OmegaConf.select(config, "verbose")
         Screen.verbose = verbose if isinstance(verbose, int) else NORMAL  # it may be swept
+        if _launcher(config) == ON_SLURM:
+            # else submitit prints its messages too, and on standard output once more
+            os.environ.setdefault("SUBMITIT_LOG_LEVEL", "NOCONFIG")
+            from tex_lightning.report.sweep_queue import follow_queue  # has an extra of its own
+
+            follow_queue()
 
     def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:  # noqa: ANN401
         """Release a job's configuration, half a megabyte that Hydra would keep."""
@@ -104,4 +111,8 @@ def is_search(config: DictConfig) -> bool:
 
 def runs_side_by_side(config: DictConfig) -> bool:
     """Return whether a launcher runs the jobs of a sweep in processes of their own."""
-    return str(OmegaConf.select(config, "hydra.launcher._target_")) != ONE_BY_ONE
+    return _launcher(config) != ONE_BY_ONE
+
+
+def _launcher(config: DictConfig) -> str:
+    return str(OmegaConf.select(config, "hydra.launcher._target_"))
