@@ -16,7 +16,7 @@ from tex_lightning.core.console import console
 
 FOREMOST = "ratio"
 LONG = ("accuracy", "adaptation", "digests", "drifting", "faults", "fusion", "hostile", "mutants",
-        "mutations", "shapes", "shifts", "unknown")  # by name  # fmt: skip
+        "mutations", "shapes", "shifts", "slurm", "unknown")  # by name  # fmt: skip
 
 
 def names() -> list[str]:
