@@ -230,10 +230,9 @@ class LinearNet(nn.Module):
             x: Features (B, 1, D, L).
             level: "fc2" for the features (B, D, L), "fc3" for the scores (B, classes, L).
         """
-        x = (x.transpose(1, 2) - self.mean) * self.scale
+        x = (x.transpose(1, 2) - self.mean).mul_(self.scale)  # an hour has hundreds of megabytes
         if self.levels:
-            rest, levels = x.tensor_split([-self.levels], dim=1)
-            x = torch.cat((rest, (self.whitening.T @ levels[:, :, 0])[:, :, None]), dim=1)
+            x[:, -self.levels :, 0] = self.whitening.T @ x[:, -self.levels :, 0]
         scores: Tensor = self.head(x, level)
         return scores.squeeze(2)
 

@@ -18,6 +18,7 @@ DIRECTIONS = 2  # in which a class reaches far: a stroke varies in speed and for
 POOLED = 12.0  # fragments that the scatter of all classes together counts for, in each of them
 LARGEST = 48  # directions of the features that are used
 MIN_VARIANCE = 1e-3  # between neighbouring fragments, as a share of the mean over the features
+BLOCK = 512  # positions that are scored at once
 CLEARLY = 3.0  # standard errors of how many more recordings are right
 MIN_UNITS = 4  # of the usual class, that were left out apart
 
@@ -221,6 +222,10 @@ class LineOrPlanes(nn.Sequential):
 
         ``whole`` is what the gate takes (:class:`~tex_lightning.networks.linear.RangeGate`).
         """
+        if not torch.compiler.is_exporting() and x.shape[-1] > BLOCK:
+            if whole is None:
+                whole = x.flatten(2).mean(dim=2, keepdim=True), x[0, 0].numel()
+            return torch.cat([self(part, whole) for part in torch.split(x, BLOCK, dim=-1)], dim=-1)
         gate, planes, layer = self
         scores: Tensor = (layer if self.is_linear else planes)(gate(x, whole))
         return scores

@@ -181,7 +181,7 @@ class Sense(nn.Module, ABC):
             output: object = self.features(x)
         if not isinstance(output, Tensor) or output.dim() < self.dimensions or len(output) != batch:
             raise breach(*part, f"returned {describe_value(output)} for a batch of {batch}")
-        if x.is_floating_point() and not bool(output.isfinite().all()):
+        if x.is_floating_point() and not _is_finite(output):
             custom = "" if is_builtin(self.features) else type(self.features).__name__
             raise UserError(
                 f"The {self.what} holds NaN, infinity or numbers too large to square"
@@ -399,3 +399,8 @@ def check_network(where: str, name: str, network: object) -> None:
             f"{where} names {name}, which has no method features(x, level); add one that gives "
             "class scores at level fc3."
         )
+
+
+def _is_finite(x: Tensor) -> bool:
+    """Return whether all numbers are finite, without a copy: an hour has hundreds of megabytes."""
+    return not x.numel() or bool(torch.stack(x.aminmax()).isfinite().all())

@@ -32,6 +32,7 @@ BLOCK = (
 )  # samples of the frames that are computed at once, about, so that they stay in cache
 MIN_BLOCK, MAX_BLOCK = 64, 256  # frames
 MAX_RECORDINGS = 2000  # that level and thresholds are learnt from, evenly spread over the training
+PARTS = 16  # fragments that rows are added to at once
 MAX_FRAMES = 50_000  # frames, about, that thresholds are learnt from: enough for quantiles
 FLOOR = 1e-7  # of the power of a frame; below it the logarithm is flat
 SILENCE = 1e-15  # of the mean power of the training set, likewise
@@ -455,6 +456,14 @@ class Moments:
 
     def add(self, block: Tensor, *, squares: bool = False) -> None:
         """Add the next rows (..., block, D), and their squared deviations if ``squares``."""
+        if torch.compiler.is_exporting() or block.shape[-2] == self.rows:
+            self._add(block, squares)
+            return
+        size = max(1, PARTS * self.rows // self.fragments)
+        for some in torch.split(block, size, dim=-2):  # with many fragments most products are 0
+            self._add(some, squares)
+
+    def _add(self, block: Tensor, squares: bool) -> None:
         rows, fragments, first = self.rows, self.fragments, self.before
         self.before += block.shape[-2]
         whole = first == 0 and self.before == rows
