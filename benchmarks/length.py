@@ -1,9 +1,11 @@
-"""Time and memory against the length of the signal, on one core: of a label, and of a live stream.
+"""Time and memory against the length of the signal and the number of classes, on one core.
 
-``python -m benchmarks length``. A stream is pushed 0.1 s after 10, 60, 120 and 600 s; its growth is
-the time after 600 s by that after 10 s. The growth of a label is the time per minute of the longest
-recording by that of the shortest: 1 is linear. Memory is what a process of its own takes beyond
-what it took before, at most. Signals are noise and weights random; neither decides over the time.
+``python -m benchmarks length``, of ``--only=fits``, ``labels`` or ``streams`` alone. A stream is
+pushed 0.1 s after 10, 60, 120 and 600 s; its growth is the time after 600 s by that after 10 s. The
+growth of a label is the time per minute of the longest recording by that of the shortest, and of a
+fit of classes, with ten recordings of 1.5 s at 1 kHz each, the time per class of the most by that
+of the fewest: 1 is linear. Memory is what a process of its own takes beyond what it took before, at
+most. Signals are noise and weights random, and classes tones in noise; none decides over the time.
 """
 
 import resource
@@ -13,6 +15,7 @@ from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import torch
 
 from benchmarks._classifiers import make_classifier
@@ -20,20 +23,23 @@ from benchmarks.engine import DEFAULT
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import StreamConfig
 from tex_lightning.core.devices import computing_threads
+from tex_lightning.estimator import Estimator
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.stream import LiveStream
 from tex_lightning.senses.features.proportions import BandProportions
 
+Floats = npt.NDArray[np.float64]
 SECONDS = (10, 60, 120, 600)
 CHUNK, PUSHES = 0.1, 15
 SLOW = 1000  # Hz, below which levels count
+CLASSES, EACH, STROKE, FIT_RATE = (30, 100, 300), 10, 1.5, 1000.0
 LABELS = (  # model, rate in Hz, axes, minutes
     ("experiment=few/haptic", 50, 1, (10, 20, 40, 60)),
     ("experiment=few/haptic", 50, 3, (10, 20, 40, 60)),
-    ("experiment=few/haptic", 10_000, 1, (1, 10)),
-    ("experiment=few/haptic", 10_000, 3, (1, 10)),
-    ("model=haptic", 10_000, 1, (1, 10)),
-    ("model=haptic", 10_000, 3, (1, 10)),
+    ("experiment=few/haptic", 10_000, 1, (1, 5, 10)),
+    ("experiment=few/haptic", 10_000, 3, (1, 5, 10)),
+    ("model=haptic", 10_000, 1, (1, 5, 10)),
+    ("model=haptic", 10_000, 3, (1, 5, 10)),
 )
 MODELS = (
     ("experiment=few/haptic", 10_000),
@@ -42,20 +48,67 @@ MODELS = (
 )
 
 
-def measure() -> dict[str, Any]:
-    """Seconds, MiB and growth of labels, milliseconds and growth of streams, by model and rate."""
+def measure(only: str = "") -> dict[str, Any]:
+    """Seconds, MiB and growth of fits and labels, milliseconds and growth of streams."""
+    parts = {"streams": _streams, "labels": _labels, "fits": _fits}
     figures: dict[str, Any] = {}
-    with ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1) as pool:
-        for model, rate in MODELS:
-            figures[f"stream {model}, {rate} Hz"] = pool.submit(_stream, model, rate).result()
-        for model, rate, axes, lengths in LABELS:
-            label, times = f"label {model}, {rate} Hz, {axes} axes", []
-            for minutes in lengths:
-                seconds, memory = pool.submit(_label, model, rate, minutes, axes).result()
-                figures[f"{label}, {minutes} min"] = {"seconds": seconds, "mib": memory}
-                times.append(seconds / minutes)
-            figures[label] = {"growth_ratio": times[-1] / times[0]}
+    for part in (only,) if only else parts:
+        with ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1) as pool:
+            figures |= parts[part](pool)
     return figures
+
+
+def _streams(pool: ProcessPoolExecutor) -> dict[str, Any]:
+    return {
+        f"stream {model}, {rate} Hz": pool.submit(_stream, model, rate).result()
+        for model, rate in MODELS
+    }
+
+
+def _labels(pool: ProcessPoolExecutor) -> dict[str, Any]:
+    figures: dict[str, Any] = {}
+    for model, rate, axes, lengths in LABELS:
+        label, times = f"label {model}, {rate} Hz, {axes} axes", []
+        for minutes in lengths:
+            seconds, memory = pool.submit(_label, model, rate, minutes, axes).result()
+            figures[f"{label}, {minutes} min"] = {"seconds": seconds, "mib": memory}
+            times.append(seconds / minutes)
+        figures[label] = {"growth_ratio": times[-1] / times[0]}
+    return figures
+
+
+def _fits(pool: ProcessPoolExecutor) -> dict[str, Any]:
+    figures: dict[str, Any] = {}
+    for classes in CLASSES:
+        seconds, memory, right = pool.submit(_fit, classes).result()
+        figures[f"fit, {classes} classes"] = {"seconds": seconds, "mib": memory, "right": right}
+    times = [figures[f"fit, {classes} classes"]["seconds"] / classes for classes in CLASSES]
+    return {**figures, "fit": {"growth_ratio": times[-1] / times[0]}}
+
+
+def _fit(classes: int) -> tuple[float, float, float]:
+    """Return seconds and MiB of a fit, and which share of 300 new recordings is told right."""
+    recordings = [_tones(kind, take) for kind in range(classes) for take in range(EACH)]
+    labels = np.repeat(np.arange(classes), EACH)
+    model, before, begin = Estimator(rate=FIT_RATE), _peak(), time.process_time()
+    with computing_threads(1):
+        model.fit(recordings, labels)
+    seconds, memory = time.process_time() - begin, _peak() - before
+    tested = np.resize(np.arange(classes), 300)
+    found = model.predict([_tones(kind, EACH + place) for place, kind in enumerate(tested)])
+    return seconds, memory, float((found == tested).mean())
+
+
+def _tones(kind: int, take: int) -> Floats:
+    """Return a recording of a class: three tones of its own that waver, in noise."""
+    of_class, rng = np.random.default_rng([kind, 0]), np.random.default_rng([kind, 1, take])
+    samples = round(STROKE * FIT_RATE)
+    pitches, strengths = of_class.uniform(0.03, 0.45, 3), of_class.uniform(0.3, 1.5, 3)
+    pitches = pitches * (1 + 0.02 * rng.standard_normal(3))
+    phases = 2 * np.pi * pitches[:, None] * np.arange(samples)
+    phases += 0.2 * rng.standard_normal((3, samples)).cumsum(axis=1)
+    tones: Floats = strengths @ np.cos(phases) + 0.5 * rng.standard_normal(samples)
+    return tones * np.exp(0.2 * rng.standard_normal())
 
 
 def _classifier(model: str, rate: int, axes: int) -> SurfaceClassifier:
