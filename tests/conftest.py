@@ -46,6 +46,11 @@ settings.load_profile("few")
 
 RATE = 10_000
 CLASSES = ("alpha", "beta", "gamma")
+SHORT_WINDOWS = {  # of band proportions: those that take a moment
+    "model.haptic.features.windows": [0.032, 0.256],
+    "model.haptic.features.bands_per_octave": [6, 6],
+}
+FEW = "experiment=few/haptic", *(f"{key}={value}" for key, value in SHORT_WINDOWS.items())
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
 

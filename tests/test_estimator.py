@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
-from conftest import CLASSES, RATE, make_photo, make_trace
+from conftest import CLASSES, RATE, SHORT_WINDOWS, make_photo, make_trace
 from sklearn.base import clone, is_classifier
 from sklearn.calibration import CalibratedClassifierCV
 from sklearn.exceptions import NotFittedError
@@ -245,10 +245,15 @@ def files(surfaces):
 @pytest.mark.parametrize(
     ("model", "senses", "more"),
     [
-        ("few/haptic", ["haptic"], {}),
+        ("few/haptic", ["haptic"], SHORT_WINDOWS),
         ("haptic", ["haptic"], {"debug": "tiny"}),
         pytest.param("mfcc_nb", ["haptic"], {"debug": "tiny"}, marks=pytest.mark.slow),
-        ("fusion", ["haptic", "image"], {"debug": "tiny", "data.half_scale": False}),
+        pytest.param(
+            "fusion",
+            ["haptic", "image"],
+            {"debug": "tiny", "data.half_scale": False},
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_weights_and_labels_are_those_of_the_command_line(
@@ -275,8 +280,9 @@ def test_arrays_are_the_files_that_hold_them(files):
 
     paths, labels = files
     arrays = [soundfile.read(path)[0] for path in paths["haptic"]]
-    of_files = tl.Estimator().fit(paths["haptic"], labels)
-    assert_same_weights(tl.Estimator(rate=RATE).fit(arrays, labels), of_files)
+    of_files = tl.Estimator(**SHORT_WINDOWS).fit(paths["haptic"], labels)
+    of_arrays = tl.Estimator(rate=RATE, **SHORT_WINDOWS).fit(arrays, labels)
+    assert_same_weights(of_arrays, of_files)
 
 
 def test_checkpoints_go_both_ways(fitted, strokes, tmp_path, bands, files):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from conftest import FEW
 from lightning import Callback
 from omegaconf import OmegaConf
 
@@ -49,11 +50,11 @@ def test_a_model_is_trained_without_a_run_folder_as_a_command_does(fused, tmp_pa
     assert names == {"haptic.ckpt", "visual.ckpt", "fusion.ckpt"}
 
 
-@pytest.mark.parametrize("model", ["experiment=few/haptic", "model=mfcc_nb"])
+@pytest.mark.parametrize("model", [FEW, ("model=mfcc_nb",)], ids=["few/haptic", "mfcc_nb"])
 def test_the_result_adds_nothing_to_the_recipe_but_calibration_and_training(
     run_once, tiny, model, tmp_path
 ):
-    config, dataset = opened(run_once(model, *tiny), tmp_path)
+    config, dataset = opened(run_once(*model, *tiny), tmp_path)
     parts = dataset.parts(config.data)
     known = {config.model.kind: {"crossval": {"correct": 1, "test_samples": 2}}}
     ((training, classifier),) = train_networks(

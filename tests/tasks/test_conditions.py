@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from conftest import CLASSES
+from conftest import CLASSES, FEW
 
 import tex_lightning as tl
 from tex_lightning.data.store import fingerprint
@@ -18,7 +18,7 @@ FUSED = (
     "experiment=few/fusion", "weights=null", "trunk=tcnn", "model.visual.norm=batch",
     "model.visual.head=[30,25]", "model.visual.width=0.1", "debug=tiny", "logger=csv",
 )  # fmt: skip
-HAPTIC = ("experiment=few/haptic", "logger=csv")
+HAPTIC = (*FEW, "logger=csv")
 
 
 @pytest.fixture(scope="module")

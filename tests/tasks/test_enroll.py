@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from conftest import FEW
 
 import tex_lightning as tl
 from tex_lightning.baselines.classifier import load_classifier
@@ -16,9 +17,7 @@ from tex_lightning.data.store import fingerprint
 @pytest.fixture(scope="module")
 def two(run_once, surfaces):
     """A rule on proportions of bands that knows alpha and beta."""
-    return run_once(
-        "experiment=few/haptic", "data=folder", f"data.root={surfaces}", "data.hold_out=[gamma]"
-    )
+    return run_once(*FEW, "data=folder", f"data.root={surfaces}", "data.hold_out=[gamma]")
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import json
 import pytest
 import soundfile
 import torch
-from conftest import RATE, make_photo, make_trace
+from conftest import FEW, RATE, make_photo, make_trace
 
 import tex_lightning as tl
 from tex_lightning.classifier.statistics import FeatureStatistics
@@ -58,7 +58,7 @@ def test_novelty_in_python_is_that_of_the_prediction(bands, recordings, caplog):
 
 def test_crossval_measures_held_out_classes_and_never_trains_on_them(cli, surfaces, tmp_path):
     outcome = cli(
-        "task=crossval", "experiment=few/haptic", "data=folder", f"data.root={surfaces}",
+        "task=crossval", *FEW, "data=folder", f"data.root={surfaces}",
         "data.hold_out=[gamma]", "crossval.only=[0,1]", "decision.unknown=0.05",
         f"hydra.run.dir={tmp_path}",
     )  # fmt: skip
