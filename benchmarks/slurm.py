@@ -5,7 +5,7 @@
 Prints a line for each check and ends with a traceback if one failed; ``--only=requeue`` takes
 those with that word in their name, ``--jobs=50`` is the size of the large sweep. Interrupted
 trainings have to end with the weights and votes, to the last bit, of those that were not. There is
-no accounting, and a time limit is played by its signals, as one takes minutes.
+no accounting, and the time limit of submitit is played by its signal, as one takes minutes.
 """
 
 import csv
@@ -67,13 +67,15 @@ class Bench:
             check=False,
         )  # fmt: skip
 
-    def submit(self, case: str, given: tuple[str, ...], tasks: int, start: tuple[str, ...]) -> str:
-        """The number of a batch job that runs a case."""
+    def submit(
+        self, case: str, given: tuple[str, ...], tasks: int, start: tuple[str, ...], *more: str
+    ) -> str:
+        """The number of a batch job that runs a case; with more options of sbatch."""
         line = " ".join([*start, sys.executable, *self.arguments(case, given)])
         options = (f"--ntasks={tasks}", "--requeue", "--open-mode=append", "--job-name=train",
                    f"--output={self.folder / case}.log")  # fmt: skip
         done = subprocess.run(
-            ["sbatch", "--parsable", *options, f"--wrap={line}"],
+            ["sbatch", "--parsable", *options, *more, f"--wrap={line}"],
             cwd=self.folder, env=environment(), capture_output=True, text=True, check=True,
         )  # fmt: skip
         return done.stdout.strip()
@@ -203,6 +205,19 @@ class Bench:
         said = (self.folder / f"{case}.log").read_text()
         return self.same(whole, case) or _expect("Going on with the run in" in said, said)
 
+    def time_limit(self) -> str:
+        """A job that takes longer than its limit queues itself again until it has ended."""
+        given = ("model=haptic", "model.haptic.fit.epochs=300")
+        whole = self.undisturbed("unlimited", given)
+        job = self.submit("limit", given, 1, SRUN, "--time=1", "--signal=USR1@30")
+        ends = time.monotonic() + PATIENCE
+        while (state := asked("squeue", "-h", "-j", job, "-o", "%T")) and time.monotonic() < ends:
+            if state == "PENDING":
+                asked("scontrol", "update", f"JobId={job}", "StartTime=now")
+            time.sleep(1)
+        said = (self.folder / "limit.log").read_text()
+        return self.same(whole, "limit") or _expect("Going on with the run in" in said, said)
+
     def cancel(self) -> str:
         """A cancelled job leaves no result, and what the same command completes."""
         job = self.submit("scancel", FUSION, 1, SRUN)
@@ -252,7 +267,7 @@ class Bench:
 CHECKS: tuple[Callable[[Bench], str], ...] = (
     Bench.ddp_of_srun, Bench.tasks_without_srun, Bench.torchrun, Bench.torchrun_killed,
     Bench.requeue, Bench.requeue_by_signal, Bench.requeue_of_ddp, Bench.requeue_of_ddp_by_signal,
-    Bench.cancel, Bench.sweep_of_folds, Bench.sweep_with_a_failure,
+    Bench.time_limit, Bench.cancel, Bench.sweep_of_folds, Bench.sweep_with_a_failure,
     Bench.sweep_with_a_requeued_job, Bench.sweep_with_a_cancelled_job, Bench.sweep_of_many_jobs,
 )  # fmt: skip
 OF_TORCHRUN = (Bench.torchrun, Bench.torchrun_killed)  # which need no SLURM
