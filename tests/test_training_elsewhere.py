@@ -33,7 +33,7 @@ SENSES = {"haptic": ["haptic"], "visual": ["visual"], "fusion": ["haptic", "visu
 # looked for on the CPU, and whether it has rests and is finite decides what happens next.
 SIGNAL = Counter({
     ("to", "base.Sense.read"): 1, ("from", "movement.movement_start"): 1,
-    ("wait", "movement.moving"): 1, ("wait", "base.Sense.read"): 1,
+    ("wait", "movement.moving"): 1, ("wait", "base._is_finite"): 1,
 })  # fmt: skip
 PHOTO = Counter({("to", "base.Sense.read"): 1})
 TUPLES = Counter({("to", "classifier.SurfaceClassifier.fuse"): 1})  # drawn on the CPU
