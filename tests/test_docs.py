@@ -97,6 +97,7 @@ def test_drawings_and_tables_of_layers_are_those_of_the_code():
     assert [path.name for path, text in made.items() if path.read_text("utf-8") != text] == []
 
 
+@pytest.mark.slow
 def test_no_generated_table_is_empty():
     text = "".join(page.read_text("utf-8") for page in USER_PAGES)
     filled = re.findall(r"<!-- made by .+? -->\n\n(?:\|.+\|\n){4,}\n<!-- end -->", text)

@@ -165,6 +165,7 @@ def test_labels_keep_their_type_and_order(strokes, labels):
     assert (found == best).all()
 
 
+@pytest.mark.slow
 def test_scikit_learns_tools_take_it(strokes):
     x, y = strokes
     groups = np.tile([1, 1, 2, 2], 3)

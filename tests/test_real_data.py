@@ -28,6 +28,7 @@ def votes(networks: dict) -> dict[str, float]:
     return {name: network["vote_accuracy"] for name, network in networks.items()}
 
 
+@pytest.mark.slow
 def test_the_live_label_of_a_real_surface_follows_within_a_second_and_a_half(
     networks, shared, tmp_path
 ):

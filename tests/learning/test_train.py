@@ -50,7 +50,11 @@ def test_a_model_is_trained_without_a_run_folder_as_a_command_does(fused, tmp_pa
     assert names == {"haptic.ckpt", "visual.ckpt", "fusion.ckpt"}
 
 
-@pytest.mark.parametrize("model", [FEW, ("model=mfcc_nb",)], ids=["few/haptic", "mfcc_nb"])
+@pytest.mark.parametrize(
+    "model",
+    [pytest.param(FEW, marks=pytest.mark.slow), ("model=mfcc_nb",)],
+    ids=["few/haptic", "mfcc_nb"],
+)
 def test_the_result_adds_nothing_to_the_recipe_but_calibration_and_training(
     run_once, tiny, model, tmp_path
 ):
