@@ -15,8 +15,6 @@ same with ``decision.unknown=0.05``: what is called unknown is not learnt from.
 import math
 from collections import defaultdict
 from collections.abc import Iterator
-from copy import copy
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,7 +24,7 @@ import torch
 import tex_lightning as tl
 from benchmarks._peers import Signal
 from benchmarks.accuracy import Tested, divide, read_rows, read_signals, read_table, score, select
-from tex_lightning.classifier.card import NOVELTIES, novelty_threshold
+from tex_lightning.classifier.card import novelty_threshold
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.learning.adaptation import adapt
 
@@ -89,7 +87,7 @@ def compare(
         if kind:
             every = np.arange(len(tested.labels))
             yield kind, tested.adapted(every)
-            yield f"{kind}_told", tested.adapted(every, rate=RATE)
+            yield f"{kind}_told", tested.adapted(every, told=True)
             continue
         for kind_drawn, chosen in draw(tested.labels, rng):
             yield kind_drawn, tested.adapted(chosen)
@@ -135,19 +133,17 @@ class Recordings:
 
     def look(self, classifier: SurfaceClassifier) -> list[Look]:
         """Return the class that each is taken for, and whether it is rejected."""
-        known = classifier.card.calibration.get(NOVELTIES, {}).get("haptic")
-        limit = novelty_threshold(known, RATE) if known else math.inf
+        limit = threshold(classifier)
         votes = (classifier.classify(haptic=signal) for signal in self.signals)
         return [(classifier.card.classes[vote.label], vote.novelty > limit) for vote in votes]
 
-    def adapted(self, chosen: Numbers, rate: float = 0.0) -> Drawn:
+    def adapted(self, chosen: Numbers, *, told: bool = False) -> Drawn:
         """Return what becomes of some of them, those of unknown classes apart.
 
-        ``rate`` is ``decision.unknown``.
+        ``told`` leaves out what is called unknown.
         """
-        told = copy(self.classifier)
-        told.card = replace(told.card, decision={**told.card.decision, "unknown": rate})
-        found = adapt(told, [self.features[n] for n in chosen])
+        limit = threshold(self.classifier) if told else None
+        found = adapt(self.classifier, [self.features[n] for n in chosen], limit)
         looks = self.before, self.before if found.reason else self.look(found.classifier)
         known = np.isin(self.labels[chosen], self.classifier.card.classes)
         before, after = (
@@ -156,6 +152,12 @@ class Recordings:
         rejected = np.array([[look[n][1] for n in chosen] for look in looks])
         counts = [(each[known].sum(), (~each[~known]).sum()) for each in rejected]
         return Drawn(before, after, not found.reason, np.array(counts), int((~known).sum()))
+
+
+def threshold(classifier: SurfaceClassifier) -> float:
+    """Return the novelty above which recordings are called unknown; none is without novelties."""
+    known = classifier.card.known_novelties
+    return novelty_threshold(known, RATE) if known else math.inf
 
 
 def shown(draws: list[Drawn], balanced: bool) -> str:

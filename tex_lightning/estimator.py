@@ -268,9 +268,8 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         """
         with self._using(X) as samples:
             before = self.predictor_
-            self.adaptation_ = adapt(
-                before.classifier, sample_features(before.classifier, map(self._decoded, samples))
-            )
+            features = sample_features(before.classifier, map(self._decoded, samples))
+            self.adaptation_ = adapt(before.classifier, features, before.card.unknown_above)
             self.predictor_ = Predictor(self.adaptation_.classifier, before.config)
         if self.adaptation_.reason:
             warnings.warn(str(self.adaptation_), stacklevel=2)

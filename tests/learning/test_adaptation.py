@@ -127,12 +127,13 @@ def test_what_is_called_unknown_teaches_nothing(classifier):
     )
     near = [x <= strict.card.unknown_above for x in novelties]
     assert sum(near) < 0.98 * len(near)
-    found = adapt(strict, features)
+    found = adapt(strict, features, strict.card.unknown_above)
     without = adapt(classifier, [x for x, is_near in zip(features, near, strict=True) if is_near])
     assert not found.reason
     assert (found.recordings, found.taught) == (sum(near), without.taught)
     strict.card = replace(strict.card, calibration={NOVELTIES: {"haptic": [-1.0]}})
-    assert adapt(strict, features).reason == "there are no recordings of known classes"
+    nothing = adapt(strict, features, strict.card.unknown_above)
+    assert nothing.reason == "there are no recordings of known classes"
 
 
 def test_one_training_recording_of_a_class_does_not_tell_which_are_absent():

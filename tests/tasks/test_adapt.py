@@ -1,6 +1,7 @@
 """task=adapt, adapt=true and Estimator.adapt: recordings without labels that help."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import soundfile
 
 import tex_lightning as tl
+from tex_lightning.classifier.card import NOVELTIES
 
 RATE, BANDS, CLASSES, EACH = 2000, 12, 6, 20
 
@@ -135,6 +137,24 @@ def test_what_cannot_be_meant_is_said(
     outcome = cli(*given, *files, f"hydra.run.dir={tmp_path}/run")
     assert outcome.status == 2, outcome.err
     assert said in " ".join(outcome.err.split())
+
+
+def test_what_is_called_unknown_on_the_command_line_is_not_learnt_from(
+    strokes, trained, cli, tmp_path
+):
+    model, told = tl.load(trained), "decision.unknown=0.05"
+    model.classifier.card = replace(model.card, calibration={NOVELTIES: {"haptic": [0.0]}})
+    model.classifier.save(tmp_path / "strict.ckpt")  # everything is unknown
+    given = f"checkpoint={tmp_path}/strict.ckpt", f"haptic={strokes}/others", told
+    run = "task=adapt", f"hydra.run.dir={tmp_path}/run"
+    for task in (run, ("task=predict", "adapt=true")):
+        outcome = cli(*task, *given)
+        assert outcome.status == 0, outcome.err
+        said = " ".join(outcome.err.split())
+        assert "Nothing was adapted: there are no recordings of known classes" in said
+    estimator = tl.Estimator.load(tmp_path / "strict.ckpt", rate=RATE, **{"decision.unknown": 0.05})
+    with pytest.warns(UserWarning, match="no recordings of known classes"):
+        estimator.adapt([trace(0, 1), trace(1, 1)])
 
 
 def test_the_estimator_adapts(trained):

@@ -68,28 +68,31 @@ class Adaptation(NamedTuple):
         )
 
 
-def adapt(classifier: SurfaceClassifier, embeddings: Iterable[Tensor]) -> Adaptation:
+def adapt(
+    classifier: SurfaceClassifier, embeddings: Iterable[Tensor], unknown_above: float | None = None
+) -> Adaptation:
     """Fit a copy of a classifier again with unlabelled recordings, where that seems safe.
 
-    The order of the recordings makes no difference. With ``decision.unknown`` those that the
-    classifier calls unknown are not learnt from: a class that it never saw would teach another one,
-    and be taken for that.
+    The order of the recordings makes no difference.
 
     Args:
         classifier: Of one network in closed form that keeps its training rows.
         embeddings: What :meth:`~SurfaceClassifier.embedding` gives for each recording, (D,
             positions).
+        unknown_above: Novelty of recordings that are not learnt from, the card's ``unknown_above``:
+            a class that was never seen would teach another one, and be taken for that. None
+            learns from all.
 
     Raises:
         UserError: If the classifier cannot be adapted.
     """
     check_adaptable(classifier)
     given = [(x.mean(dim=1).cpu(), x.shape[1]) for x in embeddings]
-    whole, limit = deepcopy(classifier).cpu(), classifier.card.unknown_above
+    whole = deepcopy(classifier).cpu()
     (name,), network = whole.senses, cast(LinearNet, whole.network)
-    if limit is not None:
+    if unknown_above is not None:
         novelty = cast(FeatureStatistics, whole.statistics[name]).novelty
-        given = [(mean, count) for mean, count in given if novelty(mean) <= limit]
+        given = [(mean, count) for mean, count in given if novelty(mean) <= unknown_above]
     given.sort(key=lambda pair: pair[0].numpy().tobytes())
     if not given:
         return Adaptation(classifier, "there are no recordings of known classes", 0, {}, 0)

@@ -37,7 +37,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         show_opening(config.data, dataset, f"no labels, for {source}")
     (name,), card = classifier.senses, classifier.card
     rows = dataset.recordings.rows
-    found = adapt(classifier, position_features(classifier, name, rows, dataset.store))
+    features = position_features(classifier, name, rows, dataset.store)
+    found = adapt(classifier, features, predictor.card.unknown_above)
     target = job.directory / "checkpoints" / f"{card.kind}.ckpt"
     found.classifier.cpu().save(target)
     seconds = time.perf_counter() - begin

@@ -85,7 +85,8 @@ def adapted(predictor: Predictor, samples: Sequence[Mapping[str, Path]]) -> Pred
             with suppress(UserError):  # which its prediction says
                 yield predictor.decoded(files)
 
-    found = adapt(predictor.classifier, sample_features(predictor.classifier, decoded()))
+    features = sample_features(predictor.classifier, decoded())
+    found = adapt(predictor.classifier, features, predictor.card.unknown_above)
     say(str(found))
     return Predictor(found.classifier, predictor.config)
 
