@@ -28,6 +28,14 @@ def test_sub_samples_are_contiguous_pieces_of_their_own_spectrogram():
     assert (starts[indices == 1] <= 125).all()
 
 
+def test_a_bank_tells_whether_its_inputs_are_those_it_was_given():
+    short, long = spectrogram(8, 0), spectrogram(20, 100)
+    assert InputBank([long, long], frames=10).as_given
+    bank = InputBank([short, long], frames=10)
+    assert not bank.as_given
+    assert [x.shape[-1] for x in bank.inputs] == [16, 20]
+
+
 def test_every_version_of_a_recording_is_cut_alike():
     versions = [spectrogram(20, 100 * number) for number in range(6)]  # of two recordings, three
     bank = InputBank(versions, frames=10, versions=3)

@@ -30,13 +30,18 @@ class InputBank:
         inputs: Inputs of all recordings in their first version, then in their second, and so on.
         frames: Length of the sub-samples.
         versions: Number of versions of every recording; one is drawn for each cut.
+
+    Attributes:
+        as_given: Whether none was shorter than ``frames``, and so repeated.
     """
 
     def __init__(self, inputs: Iterable[Tensor], frames: int, versions: int = 1) -> None:
         self.versions, self.frames = versions, frames
         lengths: list[int] = []
+        self.as_given = True
         with tempfile.TemporaryFile() as file:
             for item in inputs:
+                self.as_given &= item.shape[-1] >= frames
                 # frames first: a sub-sample is then one piece of the file
                 array = np.ascontiguousarray(_at_least(item.cpu(), frames).movedim(-1, 0))
                 lengths.append(len(array))

@@ -18,6 +18,7 @@ from tex_lightning.classifier.training_rows import TrainingRows
 from tex_lightning.config import EngineConfig
 from tex_lightning.core.groups import leave_out
 from tex_lightning.core.progress import track
+from tex_lightning.data.banks import Bank, InputBank
 from tex_lightning.data.folds import Sample, Split, make_samples
 from tex_lightning.data.recordings import Recording, Recordings, class_indices, plural
 from tex_lightning.data.store import Store, load_recording, load_sample
@@ -35,6 +36,7 @@ def keep_statistics(
     rows: Recordings,
     store: Store,
     engine: EngineConfig,
+    banks: Mapping[str, Bank],
     *,
     frozen: bool,
     closed_form: bool,
@@ -49,6 +51,7 @@ def keep_statistics(
         rows: The training recordings, which are not perturbed.
         store: Where they are decoded.
         engine: Settings of the accelerated copy that computes the features.
+        banks: By sense what was cut from the recordings: of signals the network inputs.
         frozen: Whether nothing but layers in closed form was trained, so that texture features
             are those of any other classifier.
         closed_form: Whether no layer before the scores has learnt the recordings, not even of the
@@ -73,7 +76,7 @@ def keep_statistics(
         if frozen and scores_textures(sense.network):
             features = _texture_features(classifier, fast, name, recordings, store)
         else:
-            positions = position_features(fast, name, recordings, store)
+            positions = position_features(fast, name, recordings, store, banks.get(name))
             features = torch.stack([embedding.mean(dim=1) for embedding in positions])
         if not bool((features.abs() < MAX_FEATURE).all()):  # false for NaN
             raise UserError(
@@ -170,7 +173,11 @@ def _texture_features(
 
 @torch.inference_mode()
 def position_features(
-    classifier: SurfaceClassifier, name: str, rows: Sequence[Recording], store: Store
+    classifier: SurfaceClassifier,
+    name: str,
+    rows: Sequence[Recording],
+    store: Store,
+    bank: Bank | None = None,
 ) -> Iterator[Tensor]:
     """Yield features (D, positions) of one sense, on the CPU, of each recording.
 
@@ -179,10 +186,16 @@ def position_features(
         name: Name of the sense.
         rows: Recordings of its modality.
         store: Where they are decoded.
+        bank: Their network inputs, if it begins with them: they are not computed once more.
     """
-    what = plural(classifier.senses[name].modality)
-    for row in track(rows, f"Statistics of {what}"):
-        yield classifier.embedding(name, load_recording(row, store)).cpu()
+    sense, layer = classifier.senses[name], classifier.embedding_layer(name)
+    inputs = bank.inputs if isinstance(bank, InputBank) and bank.as_given else None
+    for number, row in enumerate(track(rows, f"Statistics of {plural(sense.modality)}")):
+        if inputs is None:
+            yield classifier.embedding(name, load_recording(row, store)).cpu()
+        else:
+            x = inputs[number][None].to(classifier.device)
+            yield sense.dense_grid(x, layer).flatten(1).cpu()
 
 
 @torch.inference_mode()

@@ -208,10 +208,12 @@ class Training:
         classifier, frozen = module.classifier.to(self.device), not module.fit_config["epochs"]
         parts, store, engine = self.parts, self.store, self.config.engine
         fixed = all(start.card.training["left_out"] for start in self.starts.values())
+        banks = {name: bank for name, (bank, _) in self.batches.banks.items()}
         with self._timed():
             left_out = keep_statistics(
-                classifier, parts.train, store, engine, frozen=frozen, closed_form=frozen and fixed
-            )
+                classifier, parts.train, store, engine, banks,
+                frozen=frozen, closed_form=frozen and fixed,
+            )  # fmt: skip
         for part in classifier.trained_modules():
             layout = torch.contiguous_format
             part.to(memory_format=layout)  # type: ignore[call-overload]  # no stub
