@@ -4,7 +4,11 @@ import atexit
 import gc
 import sys
 
-from tex_lightning.cli import main
+from tex_lightning.core.ranks import remember_signal
+
+remember_signal()  # what is imported next takes seconds, in which SIGUSR1 would end this process
+
+from tex_lightning.cli import main  # noqa: E402
 
 __all__ = ["main"]
 

@@ -20,6 +20,7 @@ from tex_lightning.core.ranks import (
     is_launched,
     is_rank_zero,
     joining,
+    remember_signal,
     requeueing,
     started_processes,
 )
@@ -154,6 +155,42 @@ def test_only_rank_zero_of_a_batch_job_queues_it_again(monkeypatch, queue, name)
     finally:
         signal.signal(signal.SIGUSR1, before)
     assert (len(said), queue.exists()) == (int(name != "rank"), False)
+
+
+SIGNALLED = """
+import runpy, signal, sys
+
+class Finder:
+    def find_spec(self, name, *_):
+        if name == "tex_lightning.cli":
+            signal.raise_signal(signal.SIGUSR1)
+
+sys.meta_path.insert(0, Finder())
+sys.argv[1:] = ["--help"]
+runpy.run_module("tex_lightning", run_name="__main__")
+"""
+
+
+@pytest.mark.parametrize("name", ["train", "bash"])
+def test_a_signal_during_the_imports_ends_no_job(monkeypatch, queue, name):
+    give(monkeypatch, {**BATCH, "SLURM_JOB_NAME": name, "PYTHONPATH": str(CONF.parent)})
+    started = [sys.executable, "-c", SIGNALLED]
+    finished = subprocess.run(started, capture_output=True, text=True, check=False)
+    assert finished.returncode == (0 if name == "train" else -signal.SIGUSR1), finished.stderr
+    assert not queue.exists()  # until a training begins
+
+
+def test_a_signal_of_before_the_training_queues_the_job_once(monkeypatch, queue):
+    give(monkeypatch, {**BATCH, "SLURM_JOB_NAME": "train"})
+    before = signal.signal(signal.SIGUSR1, signal.SIG_DFL)
+    try:
+        remember_signal()
+        signal.raise_signal(signal.SIGUSR1)
+        for _ in range(2):
+            with requeueing():
+                assert queue.read_text() == "requeue 7\n"
+    finally:
+        signal.signal(signal.SIGUSR1, before)
 
 
 @pytest.mark.slow

@@ -41,10 +41,12 @@ class Process:
     Attributes:
         rank: Its number in the process group of the run; 0 outside of one.
         local: Its number on this machine, which is that of its device; 0 outside of one.
+        signalled: Whether SLURM sent SIGUSR1 before a training could queue its job again.
     """
 
     rank: ClassVar[int] = _number("LOCAL_RANK") if is_launched() else 0
     local: ClassVar[int] = rank
+    signalled: ClassVar[bool] = False
 
 
 def is_torchrun() -> bool:
@@ -115,24 +117,38 @@ def requeueing() -> Iterator[None]:
     The last finished epoch is on the disk. Lightning, which leaves a signal alone that is handled,
     would write a checkpoint in the midst of an epoch, and start every later network from it.
     """
-    job, scontrol = os.environ.get("SLURM_JOB_ID"), shutil.which("scontrol")
-    typed = os.environ.get("SLURM_JOB_NAME") in INTERACTIVE
-    if job is None or scontrol is None or typed or not _can_handle():
+    if not _can_requeue():
         yield
         return
-
-    def requeue(*_: object) -> None:
-        if is_rank_zero():
-            subprocess.call([scontrol, "requeue", job])
-
-    before = signal.signal(signal.SIGUSR1, requeue)
+    before = signal.signal(signal.SIGUSR1, _requeue)
+    if Process.signalled:
+        _requeue()
     try:
         yield
     finally:
         signal.signal(signal.SIGUSR1, before)
 
 
-def _can_handle() -> bool:
-    """Return whether this thread may handle SIGUSR1, and the program around it does not."""
+def remember_signal() -> None:
+    """Let a batch job of SLURM outlive SIGUSR1 until a training can queue it again."""
+    if _can_requeue():
+        signal.signal(signal.SIGUSR1, _remember)
+
+
+def _can_requeue() -> bool:
+    """Return whether this is a batch job of SLURM, whose SIGUSR1 nobody else handles."""
+    typed = os.environ.get("SLURM_JOB_NAME") in INTERACTIVE
+    if "SLURM_JOB_ID" not in os.environ or typed or shutil.which("scontrol") is None:
+        return False
     alone = threading.current_thread() is threading.main_thread()
-    return alone and signal.getsignal(signal.SIGUSR1) is signal.SIG_DFL
+    return alone and signal.getsignal(signal.SIGUSR1) in (signal.SIG_DFL, _remember)
+
+
+def _remember(*_: object) -> None:
+    Process.signalled = True
+
+
+def _requeue(*_: object) -> None:
+    Process.signalled = False
+    if is_rank_zero():
+        subprocess.call(["scontrol", "requeue", os.environ["SLURM_JOB_ID"]])
