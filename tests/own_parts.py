@@ -100,6 +100,6 @@ def _spoilt(x: torch.Tensor, how: str) -> Any:
     changes = {
         "none": lambda: None, "list": lambda: [x], "array": lambda: x.detach().numpy(),
         "batch": lambda: x.repeat(3, 1, 1), "flat": lambda: x.mean(-1), "detached": x.detach,
-        "nan": lambda: x * torch.nan, "swapped": lambda: x.mT,
+        "nan": lambda: x * torch.nan, "swapped": lambda: x.mT, "complex": lambda: x + 0j,
     }  # fmt: skip
     return changes[how]() if how in changes else x

@@ -179,7 +179,12 @@ class Sense(nn.Module, ABC):
         batch = len(x) if x.dim() == 4 else 1
         with calling(*part), full_precision(x.device):
             output: object = self.features(x)
-        if not isinstance(output, Tensor) or output.dim() < self.dimensions or len(output) != batch:
+        if (
+            not isinstance(output, Tensor)
+            or output.is_complex()
+            or output.dim() < self.dimensions
+            or len(output) != batch
+        ):
             raise breach(*part, f"returned {describe_value(output)} for a batch of {batch}")
         if x.is_floating_point() and not _is_finite(output):
             custom = "" if is_builtin(self.features) else type(self.features).__name__
