@@ -11,7 +11,6 @@ solutions), or all stays as it was. No label is ever needed.
 from collections.abc import Iterable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import replace
-from itertools import combinations
 from statistics import median
 from typing import Any, NamedTuple, cast
 
@@ -303,16 +302,16 @@ def _blurred(scores: Tensor) -> int:
     It is the separation of Ashman et al. (1994, Detecting bimodality in astronomical datasets).
     """
     labels = scores.argmax(dim=1)
-    counts = labels.bincount(minlength=scores.shape[1])
-    blurred = torch.zeros_like(counts)
-    for one, other in combinations((counts >= LEAST).nonzero()[:, 0].tolist(), 2):
-        leads = scores[:, one] - scores[:, other]
-        first, second = leads[labels == one], leads[labels == other]
-        spread = ((first.var() + second.var()) / 2).sqrt()
-        if first.mean() - second.mean() < APART * spread:
-            smaller = min(one, other, key=counts.tolist().__getitem__)
-            blurred[smaller] = counts[smaller]
-    return int(blurred.sum())
+    members = nn.functional.one_hot(labels, scores.shape[1]).T.to(scores)
+    counts = members.sum(dim=1)
+    leads = scores.gather(1, labels[:, None]) - scores  # over each other class
+    means = members @ leads / counts[:, None]
+    variances = members @ (leads - means[labels]).square() / (counts[:, None] - 1)
+    close = means + means.T < APART * ((variances + variances.T) / 2).sqrt()
+    ascending = counts.argsort(stable=True)
+    ascending = ascending[counts[ascending] >= LEAST]
+    blurred = close[ascending][:, ascending].triu(1).any(dim=1)
+    return int(counts[ascending][blurred].sum())
 
 
 def _surest(scores: Tensor, share: float) -> Tensor:
