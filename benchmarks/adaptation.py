@@ -24,11 +24,12 @@ import torch
 import tex_lightning as tl
 from benchmarks._peers import Signal
 from benchmarks.accuracy import Tested, divide, read_rows, read_signals, read_table, score, select
+from benchmarks.unknown import RATE
 from tex_lightning.classifier.card import novelty_threshold
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.learning.adaptation import adapt
 
-DRAWS, RATE = 3, 0.05
+DRAWS = 3
 Look = tuple[str, bool]  # class, and whether it is rejected
 Labels = np.ndarray[Any, np.dtype[np.str_]]
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
