@@ -18,7 +18,9 @@ from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.config.composition import compose_config, read_config
 from tex_lightning.core.devices import computing_device
 from tex_lightning.inference.early_stopping import make_inference_model
+from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.stream import LiveStream
+from tex_lightning.networks import folding
 from tex_lightning.networks.trunks import TRUNKS
 
 PAPER = {"axes": "trace", "scale": "linear", "normalisation": "paper", "norm": "lrn"}
@@ -101,6 +103,24 @@ def test_the_engine_a_stream_and_an_early_stop_decide_as_on_the_cpu(second_devic
         found.append([vote.probabilities for vote in votes] + [torch.tensor(last.probability)])
     for expected, values in zip(*found, strict=True):
         torch.testing.assert_close(values, expected, rtol=1e-3, atol=1e-3)
+
+
+@pytest.mark.parametrize("wide", [False, True])
+def test_a_copy_is_accelerated_where_it_is_if_the_device_has_float64(monkeypatch, wide):
+    """Else what float64 is needed for crosses over; both give the copy that the CPU makes."""
+    engine = read_config(compose_config([])).engine
+    near = make_classifier(make_card("haptic", "visual", width=0.1))
+    far = deepcopy(near).to(stand_in.register())
+    monkeypatch.setattr(stand_in, "WIDE", () if wide else stand_in.WIDE)
+    monkeypatch.setattr(folding, "has_float64", lambda device: wide or device.type == "cpu")
+    with stand_in.noting() as counts:
+        found = accelerate(far, engine)
+    assert bool([place for way, place in counts if way != "wait"]) != wide
+    expected = accelerate(near, engine).state_dict()
+    assert found.state_dict().keys() == expected.keys()
+    for name, values in found.state_dict().items():
+        assert values.device.type == stand_in.NAME
+        assert torch.equal(values.cpu(), expected[name])
 
 
 class Pooled(torch.nn.Module):

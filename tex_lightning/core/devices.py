@@ -6,6 +6,7 @@ import platform
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
 import cv2
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # what glibc's malloc.h calls M_...
+UNKNOWN_ROOM = 1 << 30  # bytes
 MAX_HEAP_PIECE, MAX_UNTRIMMED = 1 << 25, 1 << 30  # bytes: of a piece, in many versions, and in all
 
 
@@ -70,6 +72,27 @@ def full_precision(device: torch.device) -> Iterator[None]:
             yield
     else:
         yield
+
+
+@cache
+def has_float64(device: torch.device) -> bool:
+    """Return whether a device computes in float64; Apple's GPUs do not."""
+    try:
+        torch.zeros(1, dtype=torch.float64, device=device)
+    except (TypeError, RuntimeError):
+        return False
+    return True
+
+
+def room(device: torch.device) -> int:
+    """Return the bytes of training data that a device may hold.
+
+    That is half of what an NVIDIA GPU has free, and a gigabyte on any other device.
+    """
+    if device.type == "cuda":
+        free, _ = torch.cuda.mem_get_info(device)
+        return free // 2
+    return UNKNOWN_ROOM
 
 
 def has_to_repeat(x: torch.Tensor) -> bool:

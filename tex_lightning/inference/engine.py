@@ -53,18 +53,18 @@ def accelerate(classifier: SurfaceClassifier, config: EngineConfig) -> SurfaceCl
     """
     if classifier.card.baseline:
         return shared_copy(classifier)
-    device = classifier.device
-    # on the CPU: not every device computes in float64
-    fast = independent_copy(classifier).cpu().eval().requires_grad_(False)
-    fast.rows = nn.ModuleDict()  # that nothing computes with
+    device, without_rows = classifier.device, shared_copy(classifier, rows=nn.ModuleDict())
+    fast = independent_copy(without_rows).eval().requires_grad_(False)
     for name, sense in fast.senses.items():
         sense.tile = config.tile
         for features in sense.features.modules():
             if isinstance(features, SpectrogramFeatures):
                 features.fast_spectrogram = config.fast and device.type == "cpu"
         if config.fast:
-            sense.network = rewritten(sense, set(fast.layers[name]), REWRITINGS)
-    fast.to(device)
+            # a custom network is compared on the CPU, whose random numbers alone are restored
+            part = sense if is_builtin(sense.network) else sense.cpu()
+            sense.network = rewritten(part, set(fast.layers[name]), REWRITINGS)
+            sense.to(device)
     return fast
 
 
@@ -100,8 +100,8 @@ def rewritten(
     with its layers what no pattern tells, so that its copy has to give the same on noise.
 
     Args:
-        sense: On the CPU, in evaluation mode, without gradients. A network of this package's is
-            changed, another is copied.
+        sense: In evaluation mode, without gradients; on the CPU, if its network is not of this
+            package. A network of this package's is changed, another is copied.
         levels: Levels at which the network is used.
         ways: Functions that change a network and return at how many places, the best one first.
     """

@@ -13,6 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from tex_lightning.core.devices import has_float64
 from tex_lightning.networks.blocks import ResponseNorm, SameConv2d
 
 PIECE = 1 << 18  # elements; with two float32 buffers of this size the cache is not exceeded
@@ -145,18 +146,23 @@ def sequences(network: nn.Module) -> Iterator[nn.Sequential]:
 
 def _affine(norm: Any) -> tuple[Tensor, Tensor]:  # noqa: ANN401
     """Scale and shift (channels,) in float64 of a normalisation by running statistics."""
-    scale = (norm.running_var.double() + norm.eps).rsqrt()
+    scale = (_wide(norm.running_var) + norm.eps).rsqrt()
     if norm.affine:
-        scale = norm.weight.double() * scale
-    shift = -norm.running_mean.double() * scale
-    return scale, shift + norm.bias.double() if norm.affine else shift
+        scale = _wide(norm.weight) * scale
+    shift = -_wide(norm.running_mean) * scale
+    return scale, shift + _wide(norm.bias) if norm.affine else shift
+
+
+def _wide(x: Tensor) -> Tensor:
+    """Return a tensor in float64, on the CPU if its device has none."""
+    return x.double() if has_float64(x.device) else x.cpu().double()
 
 
 @torch.no_grad()
 def _scaled(conv: Any, scale: Tensor, shift: Tensor) -> nn.Conv2d:  # noqa: ANN401
     """Return a convolution that gives ``scale * conv(x) + shift``."""
-    bias = shift if conv.bias is None else shift + scale * conv.bias.double()
-    conv.weight.copy_(conv.weight.double() * scale[:, None, None, None])
-    conv.bias = nn.Parameter(bias.to(conv.weight.dtype), requires_grad=False)
+    bias = shift if conv.bias is None else shift + scale * _wide(conv.bias)
+    conv.weight.copy_(_wide(conv.weight) * scale[:, None, None, None])
+    conv.bias = nn.Parameter(bias.to(conv.weight), requires_grad=False)
     layer: nn.Conv2d = conv
     return layer
