@@ -29,6 +29,8 @@ from tex_lightning.studies.fold import open_training, train_model
 RECORDINGS = 4  # of each class
 SENSES = {"haptic": ["haptic"], "visual": ["visual"], "fusion": ["haptic", "visual"]}
 
+EPOCHS, STEPS = 2, 3
+
 # What crosses over, by way and place. A signal is copied there once, of its beginning the touch is
 # looked for on the CPU, and whether it has rests and is finite decides what happens next.
 SIGNAL = Counter({
@@ -38,12 +40,14 @@ SIGNAL = Counter({
 PHOTO = Counter({("to", "base.Sense.read"): 1})
 TUPLES = Counter({("to", "classifier.SurfaceClassifier.fuse"): 1})  # drawn on the CPU
 READ = {"haptic": SIGNAL, "visual": PHOTO, "fusion": SIGNAL + PHOTO + TUPLES}
-# The label, the scores that are voted with on the CPU, and what the fragments voted for
-VALIDATED = Counter({
-    ("to", "datamodule.SurfaceData.transfer_batch_to_device"): 1,
-    ("from", "module.SurfaceModule.validation_step"): 1,
-    ("to", "module.SurfaceModule.validation_step"): 1,
+LABEL = Counter({("to", "module.SurfaceModule.validation_step"): 1})
+AGAIN = {"haptic": Counter(), "visual": PHOTO, "fusion": PHOTO + TUPLES}  # of the same sample
+# All scores of an epoch, to be voted with on the CPU, and what fragments and samples voted for
+DECIDED = Counter({
+    ("from", "validation.Validation.decide"): 1, ("to", "validation.Validation.decide"): 2,
 })  # fmt: skip
+FIGURES = 20  # that Lightning waits for in an epoch, to log them and to choose the best
+FOLDED = ("folding._wide", "folding._scaled")  # on the CPU, if the device has no float64
 VOTED = Counter({("from", "vote.max_vote"): 1, ("wait", "vote.Vote.with_novelty"): 1})
 WEIGHTED = Counter({("wait", "statistics.FeatureStatistics.has_reach"): 2})
 PIECES = {"haptic": 2, "visual": 3, "fusion": 4}  # tensors of a batch, with the label
@@ -60,7 +64,7 @@ class Trained(NamedTuple):
 
 @pytest.fixture(scope="module")
 def few(surfaces, tmp_path_factory) -> list[str]:
-    """Arguments of a training on few surfaces, of three steps."""
+    """Arguments of a training on few surfaces, of few steps."""
     root = tmp_path_factory.mktemp("few")
     for label in CLASSES:
         for modality, suffix in (("haptic", "wav"), ("image", "png")):
@@ -71,7 +75,7 @@ def few(surfaces, tmp_path_factory) -> list[str]:
     return [
         "data=folder", f"data.root={root}", "data.half_scale=false", "data.sampling_rate=10000",
         f"data.folds={RECORDINGS}", "debug=tiny", "trainer.threads=1",
-        *(f"model.{kind}.fit={{epochs: 1, steps_per_epoch: 3}}" for kind in SENSES),
+        *(f"model.{kind}.fit={{epochs: {EPOCHS}, steps_per_epoch: {STEPS}}}" for kind in SENSES),
     ]  # fmt: skip
 
 
@@ -114,18 +118,34 @@ def test_it_trains_the_weights_that_the_cpu_trains(both):
 
 @pytest.mark.parametrize("kind", SENSES)
 def test_nothing_crosses_over_in_a_step_but_its_batch(counted, kind):
+    """Of a signal that is where it begins; the device holds the inputs."""
     steps = [counts for what, counts in counted.crossings[kind] if what == "step"]
     batch = {("to", "datamodule.SurfaceData.transfer_batch_to_device"): PIECES[kind]}
-    assert len(steps) == 3  # of which the first makes the optimiser's state, the last is logged
-    assert steps[1] == batch
-    assert not [place for way, place in steps[2] if way != "to"]
+    assert len(steps) == EPOCHS * STEPS
+    assert steps[1] == steps[4] == batch  # the first of an epoch begins it, the last is logged
+    assert not [place for way, place in steps[2] + steps[5] if way != "to"]
 
 
 @pytest.mark.parametrize("kind", SENSES)
-def test_of_a_validated_sample_only_the_recordings_and_the_scores_cross_over(counted, kind):
+def test_of_a_validated_sample_the_recordings_cross_over_and_a_signal_once(counted, kind):
     samples = [counts for what, counts in counted.crossings[kind] if what == "sample"]
-    assert len(samples) == len(CLASSES)
-    assert samples[1] == samples[2] == VALIDATED + READ[kind]
+    assert len(samples) == EPOCHS * len(CLASSES)
+    assert samples[1] == samples[2] == LABEL + READ[kind]
+    assert samples[4] == samples[5] == LABEL + AGAIN[kind]
+
+
+@pytest.mark.parametrize("kind", SENSES)
+def test_an_epoch_waits_for_its_figures_and_for_all_scores_at_once(counted, kind):
+    """Whatever its steps and samples: it is all that is left without theirs."""
+    found, kinds = counted.crossings[kind], [what for what, _ in counted.crossings[kind]]
+    rest = sum((counts for _, counts in found[kinds.index("epoch") + 1 :]), Counter())
+    for count, part in ((len(CLASSES), LABEL + AGAIN[kind]), (1, DECIDED)):
+        for way, number in part.items():
+            rest[way] -= count * number
+            assert not rest.pop(way)
+    waits = rest.pop(("wait", "trainer.fit_network"))
+    assert waits <= FIGURES
+    assert {place for way, place in rest if way != "to"} <= {*FOLDED}
 
 
 @pytest.mark.parametrize("kind", SENSES)

@@ -2,9 +2,11 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 import torch
 from conftest import ramp
 
+from tex_lightning.data import banks
 from tex_lightning.data.banks import InputBank, PhotoBank
 from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatches
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
@@ -84,8 +86,35 @@ def test_a_whole_sample_has_the_recordings_of_all_its_modalities(surfaces, tmp_p
 def test_memory_is_pinned_for_a_gpu_that_is_used(surfaces, photos, monkeypatch):
     """Pinning starts the GPU, which a training on the CPU does not need."""
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(banks, "room", lambda device: 0)
     data = SurfaceData(batches(surfaces, photos[1]), 2, None, 0)
     for kind in ("cpu", "cuda"):
         strategy = SimpleNamespace(root_device=torch.device(kind))
         data.trainer = SimpleNamespace(strategy=strategy, global_rank=0, world_size=1)
         assert data.train_dataloader().pin_memory == (kind == "cuda")
+
+
+@pytest.mark.parametrize(
+    ("room", "workers", "key"), [(1e9, 0, "start"), (9, 0, "input"), (1e9, 1, "input")]
+)
+def test_a_device_cuts_the_same_from_the_inputs_that_it_holds(
+    second_device, surfaces, photos, monkeypatch, room, workers, key
+):
+    """If it has room for them and no other process makes the batches; only starts go there."""
+    monkeypatch.setattr(banks, "room", lambda device: room)
+    expected = batches(surfaces, photos[1])
+    data = SurfaceData(batches(surfaces, photos[1]), 2, None, workers)
+    strategy, progress = SimpleNamespace(root_device=second_device), SimpleNamespace(processed=0)
+    data.trainer = SimpleNamespace(
+        strategy=strategy, global_rank=0, world_size=1, validating=False,
+        fit_loop=SimpleNamespace(epoch_progress=SimpleNamespace(current=progress)),
+    )  # fmt: skip
+    for step, batch in enumerate(data.train_dataloader()):
+        assert [*batch["haptic"]] == [key]
+        moved = leaves(data.transfer_batch_to_device(batch, second_device, 0))
+        assert moved.keys() == leaves(expected[step]).keys()
+        for name, value in leaves(expected[step]).items():
+            assert moved[name].device.type == second_device.type
+            assert torch.equal(moved[name].cpu(), value)
+    data.teardown("fit")
+    assert [*data.batches[0]["haptic"]] == ["input"]

@@ -136,6 +136,7 @@ def test_metrics_are_logged_after_an_epoch_and_not_after_every_sample():
     model._trainer.world_size = 1
     recordings = {"haptic": torch.from_numpy(make_trace(0, 0))[None]}
     label = model.classifier.logits(**recordings).mean(dim=1).argmax()
+    model.on_validation_epoch_start()
     for truth in (label, label, (label + 1) % 3):
         model.validation_step({"label": truth, "recordings": recordings}, 0)
     assert list(logged) == ["val/loss"]

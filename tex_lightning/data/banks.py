@@ -10,6 +10,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from tex_lightning.core.devices import room
 from tex_lightning.data.decode import Photo
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
@@ -24,7 +25,8 @@ class InputBank:
     """Network inputs (..., frames) of unequal length in one tensor, cut in one indexing step.
 
     A temporary file holds them, of which memory holds what is read: the system drops its pages when
-    memory is short. The file has no name and is gone with the tensor.
+    memory is short. The file has no name and is gone with the tensor. Another device than the CPU
+    may hold them, too: then only the places of sub-samples are sent there (:meth:`hold`).
 
     Args:
         inputs: Inputs of all recordings in their first version, then in their second, and so on.
@@ -50,6 +52,7 @@ class InputBank:
             # copy-on-write: PyTorch has no read-only tensors, and nothing writes to it
             joined = np.memmap(file, array.dtype, "c", shape=(sum(lengths), *array.shape[1:]))
         self.flat = torch.from_numpy(joined)
+        self.held: Tensor | None = None  # the same on another device
         self.lengths = np.array(lengths)
         self.starts = np.concatenate(([0], np.cumsum(self.lengths)[:-1]))
 
@@ -64,14 +67,33 @@ class InputBank:
     ) -> dict[str, Tensor]:
         """Cut ``input``, a sub-sample (batch, ..., frames) of each indexed recording.
 
-        Only a ``share`` of them is cut, but all are drawn.
+        Only a ``share`` of them is cut, but all are drawn. If a device holds the inputs, there is
+        ``start`` (batch,) instead, for :meth:`cut_there`.
         """
         if self.versions > 1:
             version = rng.integers(0, self.versions, len(indices))
             indices = indices + version * (len(self.lengths) // self.versions)
         offsets = rng.integers(0, self.lengths[indices] - self.frames + 1)
-        rows = (self.starts[indices] + offsets)[share, None] + np.arange(self.frames)
-        return {"input": self.flat[torch.from_numpy(rows)].movedim(1, -1).contiguous()}
+        start = torch.from_numpy((self.starts[indices] + offsets)[share])
+        return {"start": start} if self.held is not None else {"input": self._at(self.flat, start)}
+
+    def hold(self, device: torch.device) -> None:
+        """Hold the inputs on a device, too, if it has :func:`room` for them."""
+        if self.held is None and self.flat.nbytes <= room(device):
+            self.held = self.flat.to(device)
+
+    def release(self) -> None:
+        """Undo :meth:`hold`."""
+        self.held = None
+
+    def cut_there(self, pieces: dict[str, Tensor]) -> dict[str, Tensor]:
+        """Return the ``input`` of what was cut; ``start`` has to be on the device of the inputs."""
+        return pieces if self.held is None else {"input": self._at(self.held, pieces["start"])}
+
+    def _at(self, flat: Tensor, start: Tensor) -> Tensor:
+        """Return sub-samples (batch, ..., frames) that begin at rows (batch,)."""
+        rows = start[:, None] + torch.arange(self.frames, device=start.device)
+        return flat[rows].movedim(1, -1).contiguous()
 
 
 @dataclass

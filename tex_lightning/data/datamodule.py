@@ -13,7 +13,7 @@ import torch
 from lightning import LightningDataModule
 from torch.utils.data import DataLoader, Dataset, Sampler
 
-from tex_lightning.data.banks import WHOLE, Bank, Indices
+from tex_lightning.data.banks import WHOLE, Bank, Indices, InputBank
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import class_indices
 from tex_lightning.data.store import Store, load_sample
@@ -138,7 +138,14 @@ class SurfaceData(LightningDataModule):
         self.num_workers = num_workers
 
     def train_dataloader(self) -> DataLoader[Batch]:
-        """Return a loader of one epoch; the data set makes this process's share of each batch."""
+        """Return a loader of one epoch; the data set makes this process's share of each batch.
+
+        A device other than the CPU holds network inputs that it has room for, unless other
+        processes make the batches.
+        """
+        if self._device.type != "cpu" and self.num_workers == 0:
+            for bank in self._input_banks.values():
+                bank.hold(self._device)
         return DataLoader(
             replace(self.batches, share=self._share()),
             batch_size=None,
@@ -149,6 +156,16 @@ class SurfaceData(LightningDataModule):
             pin_memory=self._feeds_cuda(),
         )
 
+    @property
+    def _input_banks(self) -> dict[str, InputBank]:
+        banks = self.batches.banks.items()
+        return {name: bank for name, (bank, _) in banks if isinstance(bank, InputBank)}
+
+    def teardown(self, stage: str) -> None:
+        """Release what the device holds."""
+        for bank in self._input_banks.values():
+            bank.release()
+
     def _current_epoch(self) -> int:
         # `trainer.current_epoch` is corrected only after a resumed run's first batch is fetched
         if self.trainer is None:
@@ -158,7 +175,11 @@ class SurfaceData(LightningDataModule):
 
     def _feeds_cuda(self) -> bool:
         """Return whether batches go to an NVIDIA GPU, which copies fastest from pinned memory."""
-        return self.trainer is not None and self.trainer.strategy.root_device.type == "cuda"
+        return self._device.type == "cuda"
+
+    @property
+    def _device(self) -> torch.device:
+        return torch.device("cpu") if self.trainer is None else self.trainer.strategy.root_device
 
     def _share(self) -> slice:
         """Return every so manieth sample, from this process's number on."""
@@ -169,14 +190,15 @@ class SurfaceData(LightningDataModule):
     def transfer_batch_to_device(
         self, batch: Batch, device: torch.device, dataloader_idx: int
     ) -> Batch:
-        """Move a batch; of a whole sample only the label, for the classifier moves what it needs.
+        """Move a batch, and cut what the device holds; a whole sample stays on the CPU.
 
-        As in testing: a fusion's tuples are seeded, and a large photo is cut, on the CPU.
+        There a fusion's tuples are seeded and a large photo is cut, as in testing.
         """
         if self.trainer is not None and self.trainer.validating:
-            return {**batch, "label": batch["label"].to(device)}
+            return batch
         moved: Batch = super().transfer_batch_to_device(batch, device, dataloader_idx)
-        return moved
+        cut = {name: bank.cut_there(moved[name]) for name, bank in self._input_banks.items()}
+        return {**moved, **cut}
 
     def val_dataloader(self) -> DataLoader[Batch] | list[Any]:
         """Return a loader of the validation samples, one at a time: they have unequal sizes.

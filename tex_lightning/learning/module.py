@@ -23,7 +23,7 @@ from tex_lightning.config.model import FUSION
 from tex_lightning.core.devices import full_precision, has_to_repeat
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.errors import UserError
-from tex_lightning.inference.engine import accelerate
+from tex_lightning.learning.validation import Validation
 from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.networks.fusionnet import FusionLayer
 from tex_lightning.senses.base import Change
@@ -76,8 +76,7 @@ class SurfaceModule(LightningModule):
         self.augmentation: Any = None if node is None else build(key, node)
         classes = len(card.classes)
         self.train_accuracy = accuracy(classes)
-        self.engine = engine
-        self.validated = [self.classifier]  # in a list, since a copy is no part of this module
+        self.validation = Validation(engine)
         self.fragment_accuracy, self.vote_accuracy = accuracy(classes), accuracy(classes)
 
     def inputs(self, batch: Batch) -> list[Tensor]:
@@ -198,27 +197,30 @@ class SurfaceModule(LightningModule):
 
     def on_validation_epoch_start(self) -> None:
         """Make the copy that classifies as in testing."""
-        if self.engine is not None:
-            self.validated = [accelerate(self.classifier, self.engine)]
+        self.validation.begin(self.classifier)
 
     def validation_step(self, batch: Batch, batch_idx: int) -> None:
-        """Classify a whole sample as in testing."""
-        scores, label = self.validated[0].logits(**batch["recordings"]), batch["label"]
-        decided = scores.cpu()  # once, for the vote is counted there
-        if not bool(decided.isfinite().all()):  # weights that diverge do not end the training
-            decided = -nn.functional.one_hot(label.cpu(), len(scores))[:, None].float()  # an error
-        vote = self.classifier.decide(decided, self.classifier.card.temperature)
-        fragments = vote.fragments.to(label.device)
-        self.fragment_accuracy.update(fragments, label.expand_as(fragments))
-        self.vote_accuracy.update(torch.full_like(label, vote.label)[None], label[None])
+        """Classify a whole sample as in testing; what it is decided to be is asked for later."""
+        label = batch["label"]
+        scores = self.validation.add(batch["recordings"], label, batch_idx)
+        label = label.to(scores.device)
         loss = nn.functional.cross_entropy(scores.T, label.expand(scores.shape[1]))
         # Lightning rounds the mean number of samples of the processes down; this divides evenly
         count = self.trainer.world_size
         self.log("val/loss", loss, prog_bar=True, batch_size=count, sync_dist=True)
+        if self.validation.is_full:
+            self._count_decisions()
+
+    def _count_decisions(self) -> None:
+        fragments, samples = self.validation.decide()
+        self.fragment_accuracy.update(*fragments)
+        self.vote_accuracy.update(*samples)
 
     def on_validation_epoch_end(self) -> None:
         """Log the accuracies in one call: Lightning traverses a metric's state in each."""
-        self.validated = [self.classifier]
+        if self.validation.scores:
+            self._count_decisions()
+        self.validation.end()
         self.log("val/fragment_accuracy", self.fragment_accuracy, prog_bar=True)
         self.log("val/vote_accuracy", self.vote_accuracy, prog_bar=True)
 

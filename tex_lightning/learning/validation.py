@@ -1,0 +1,109 @@
+"""Validation of a network in training: whole samples as in testing, decided many at once."""
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor, nn
+
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.config import EngineConfig
+from tex_lightning.inference.engine import accelerate
+
+MAX_UNDECIDED = 1 << 24  # scores that wait for their decision, 64 MB in float32
+MAX_INPUTS = 1 << 28  # bytes of the network inputs that are kept
+
+
+class Validation:
+    """Scores and decisions of the validation samples, in the same order every epoch.
+
+    Votes are counted on the CPU, which has to wait for scores that lie elsewhere; so the scores of
+    many samples are copied at once.
+
+    Args:
+        engine: Settings of the accelerated copy that computes the scores; None uses none.
+    """
+
+    def __init__(self, engine: EngineConfig | None = None) -> None:
+        self.engine = engine
+        self.inputs: dict[tuple[str, int], Tensor] = {}  # by sense and number of the sample
+        self.bytes = 0
+
+    def begin(self, classifier: SurfaceClassifier) -> None:
+        """Begin an epoch with the weights that a classifier has now."""
+        self.fast = classifier if self.engine is None else accelerate(classifier, self.engine)
+        self.scores: list[Tensor] = []
+        self.labels: list[Tensor] = []
+        self.waiting = 0
+
+    def add(self, recordings: Mapping[str, Tensor], label: Tensor, number: int) -> Tensor:
+        """Return the class scores (classes, fragments) of a sample, and keep them.
+
+        Args:
+            recordings: Decoded, by modality.
+            label: () true class, on the CPU.
+            number: Number of the sample.
+        """
+        partials = []
+        for name, sense in self.fast.senses.items():
+            x = self._input(name, recordings[sense.modality], number)
+            grid = sense.dense_grid(x, self.fast.embedding_layer(name))
+            partials.append(self.fast.output_of(name, grid.flatten(1)).partial_logits)
+        seed = 0 if self.fast.fusion is None else self.fast.seed(**recordings)
+        scores = self.fast.fuse(partials, seed)
+        self.scores.append(scores.detach())
+        self.labels.append(label)
+        self.waiting += scores.numel()
+        return scores
+
+    def _input(self, name: str, recording: Tensor, number: int) -> Tensor:
+        """Return the network input of a recording; that of a signal is computed once.
+
+        This package trains nothing in features, and its networks leave their input as it is. That
+        of a photo would take four times the memory of the photo.
+        """
+        if (name, number) in self.inputs:
+            return self.inputs[name, number]
+        sense = self.fast.senses[name]
+        x = sense.dense_input(recording)
+        if sense.medium == "signal" and sense.is_builtin and self.bytes + x.nbytes <= MAX_INPUTS:
+            self.inputs[name, number] = x
+            self.bytes += x.nbytes
+        return x
+
+    @property
+    def is_full(self) -> bool:
+        """Whether so many scores wait that they are to be decided before the epoch ends."""
+        return self.waiting >= MAX_UNDECIDED
+
+    def decide(self) -> tuple[Tensor, Tensor]:
+        """Decide on the samples whose scores wait, by one copy of them to the CPU.
+
+        Returns:
+            Decided above true classes, of fragments (2, fragments) and of samples (2, samples), on
+            the device of the scores.
+        """
+        device, shapes = self.scores[0].device, [scores.shape for scores in self.scores]
+        flat = torch.cat([scores.flatten() for scores in self.scores]).cpu()
+        pieces = torch.split(flat, [shape.numel() for shape in shapes])
+        fragments, samples = [], []
+        for piece, shape, label in zip(pieces, shapes, self.labels, strict=True):
+            decided = _finite(piece.view(shape), label)
+            vote = self.fast.decide(decided, self.fast.card.temperature)
+            fragments.append(torch.stack([vote.fragments, label.expand_as(vote.fragments)]))
+            samples.append(torch.stack([torch.full_like(label, vote.label), label]))
+        self.scores, self.labels, self.waiting = [], [], 0
+        return torch.cat(fragments, dim=1).to(device), torch.stack(samples, dim=1).to(device)
+
+    def end(self) -> None:
+        """Let go of the accelerated copy."""
+        del self.fast
+
+
+def _finite(scores: Tensor, label: Tensor) -> Tensor:
+    """Return scores (classes, fragments) that are finite, else those of an error in one fragment.
+
+    Weights that diverge do not end the training.
+    """
+    if bool(scores.isfinite().all()):
+        return scores
+    return -nn.functional.one_hot(label, len(scores))[:, None].float()
