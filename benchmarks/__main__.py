@@ -15,8 +15,8 @@ from tex_lightning.config import flatten
 from tex_lightning.core.console import console
 
 FOREMOST = "ratio"
-LONG = ("accuracy", "adaptation", "digests", "drifting", "faults", "fusion", "hostile", "mutants",
-        "mutations", "shapes", "shifts", "slurm", "unknown")  # by name  # fmt: skip
+LONG = ("accuracy", "adaptation", "device", "digests", "drifting", "faults", "fusion", "hostile",
+        "mutants", "mutations", "shapes", "shifts", "slurm", "unknown")  # by name  # fmt: skip
 
 
 def names() -> list[str]:

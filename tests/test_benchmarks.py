@@ -5,20 +5,24 @@ import shutil
 import time
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import torch
 from scipy.signal import welch
 from scipy.stats import multinomial
 
 from benchmarks import __main__ as runner
-from benchmarks import _peers, accuracy, adaptation, drifting, shapes, shifts
+from benchmarks import _peers, accuracy, adaptation, device, drifting, shapes, shifts
 from benchmarks._changes import Item, apply
+from benchmarks._classifiers import make_classifier
 from benchmarks._field import spread
 from benchmarks._paired import Cell, compare, paired_interval, to_table
 from tex_lightning.data.recordings import Recording
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import wilson_interval
+from tex_lightning.studies.profile import only_sense
 
 
 def test_every_module_but_the_runner_is_a_benchmark(capsys):
@@ -333,3 +337,48 @@ def test_spectra_of_drifting_textures_are_those_of_their_strokes():
     expected = textures.spectra(1, conditions).mean(axis=0)
     shape = np.log(np.mean(powers, axis=0))[2:-2] - expected[2:-2]
     assert np.std(shape) < 0.35 < np.std(expected)
+
+
+def test_a_device_without_cuda_has_a_row_for_what_takes_it(tmp_path):
+    few = "debug=tiny data.classes=3 data.synthetic.recordings=4 data.folds=4"
+    given = f"{few} data.cache_dir={tmp_path} profile.budget_s=0.01"
+    figures = device.measure("model=haptic", given, accelerator="cpu", batch="2")
+    assert figures["device"] == "cpu"
+    haptic = figures["haptic"]["haptic"]
+    missing = {key for key, value in haptic.items() if value == device.NO_CUDA}
+    precisions = {f"steps_per_s_{name}" for name in ("tf32", "bf16", "fp16")}
+    assert missing == {"copies_per_label", "copies_per_step", *precisions}
+    assert {*haptic} - missing - {"batch_ms"} == {
+        "fit_s", "steps_per_s", "label_ms", "label_p95_ms", "recordings_per_s",
+        "dense_ms", "windows_ms", "dense_speedup", "dense_speedup_same_engine",
+    }  # fmt: skip
+    assert haptic["dense_speedup"] == pytest.approx(haptic["windows_ms"] / haptic["dense_ms"])
+    assert [name for name, ms in haptic["batch_ms"].items() if ms != device.NO_CUDA] == ["fp32"]
+
+
+def test_copies_of_a_profile_are_those_between_cpu_and_gpu():
+    def event(key, count, microseconds):
+        return SimpleNamespace(key=key, count=count, self_device_time_total=microseconds)
+
+    found = device.copies(
+        [
+            event("Memcpy HtoD (Pageable -> Device)", 3, 500.0),
+            event("Memcpy HtoD (Pinned -> Device)", 1, 1500.0),
+            event("Memcpy DtoD (Device -> Device)", 9, 9.0),
+            event("Memcpy DtoH (Device -> Pageable)", 2, 100.0),
+        ],
+        calls=2,
+    )
+    assert found == {"to": 2, "to_ms": 1, "from": 1, "from_ms": 0.05}
+
+
+@torch.inference_mode()
+def test_passes_of_other_precisions_and_layouts_give_the_same_scores():
+    sense = only_sense(make_classifier("model=haptic", "model.haptic.width=0.1"))
+    x = device.network_inputs(sense, torch.randn(1, 30_000), 2)
+    ways = device.passes(sense, x)
+    expected = ways.pop("fp32")()
+    assert expected.shape[0] == 2
+    assert ways.keys() == {"tf32", "bf16", "fp16", "compiled", "channels_last"}
+    for name in ("tf32", "bf16", "channels_last"):  # the others take a compiler or long on a CPU
+        torch.testing.assert_close(ways[name]().float(), expected, rtol=0.1, atol=0.1)
