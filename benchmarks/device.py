@@ -6,10 +6,11 @@ Every network is trained by its recipe, on synthetic surfaces unless ``--overrid
 and classifies a tested sample. ``fit_s`` is the time of a training with its validations,
 ``steps_per_s`` that of the last epoch. ``recordings_per_s`` goes from decoded recordings to class
 scores, ``--batch`` of them at once. ``dense_speedup`` is the time of classifying window by window
-to that of the dense pass, as in the paper's table (9.5 for haptic and 51.2 for visual, on a GTX
-860M). ``batch_ms`` is the pass of a network over a batch, ``steps_per_s_bf16`` a whole training in
-that precision. Copies of a step and a label are counted by the profiler, with their ms. Rows that
-take an NVIDIA GPU say so where there is none.
+to that of the dense pass on a rendered recording (``profile.seconds``, ``profile.width``), as in
+the paper's table (9.5 for haptic and 51.2 for visual, on a GTX 860M). ``batch_ms`` is the pass of a
+network over a batch, ``steps_per_s_bf16`` that of a whole training in that precision. Copies of a
+step and a label are counted by the profiler, with their ms. Rows that take an NVIDIA GPU say so
+where there is none.
 """
 
 import tempfile
@@ -37,7 +38,7 @@ from tex_lightning.learning.train import train_networks
 from tex_lightning.networks.blocks import independent_copy
 from tex_lightning.senses.base import Sense
 from tex_lightning.studies.fold import open_training
-from tex_lightning.studies.profile import only_sense, profile_network
+from tex_lightning.studies.profile import only_sense, profile_network, render_recording
 from tex_lightning.studies.timing import interleaved, waiting
 
 MODELS = "model=fusion,model=sound,model=visual_efficientnet,experiment=few/haptic"
@@ -188,13 +189,13 @@ def _alone(
 ) -> Figures:
     """The dense pass of one network against its windows, and its batches by precision."""
     sense, device = only_sense(classifier), classifier.device
-    recording = sample[sense.modality]
+    rendered = torch.from_numpy(render_recording(sense, config.profile, config.seed).copy())
     try:
-        found = profile_network(classifier, [recording], config.engine, config.profile)
+        found = profile_network(classifier, [rendered], config.engine, config.profile)
         figures = {key: found[name] for name, key in PROFILED.items()}
     except UserError as error:
         figures = {"dense_speedup": f"not measured: {error}"}
-    ways = passes(sense, network_inputs(sense, recording, batch))
+    ways = passes(sense, network_inputs(sense, sample[sense.modality], batch))
     if device.type == "cuda":
         timed = {name: waiting(way, device) for name, way in ways.items()}
     else:
