@@ -196,5 +196,5 @@ def test_what_cannot_be_fitted_again_is_said(classifier):
     bent = deepcopy(classifier)
     inputs, labels = recordings(dict.fromkeys(EVERY, 3))
     planes = bent.network.head.scores.planes
-    planes.take(fit_planes([x.T.double() for x in inputs], torch.from_numpy(labels), CLASSES))
+    planes.fit(fit_planes([x.T.double() for x in inputs], torch.from_numpy(labels), CLASSES), 1.0)
     refused(bent, "are planes")

@@ -216,3 +216,32 @@ def test_many_classes_are_told_apart_with_probabilities_that_are_as_sure_as_righ
     right = (found == labels[new]).float().mean()
     assert right > 0.95
     assert abs(sure.mean() - right) < 0.1
+
+
+@pytest.mark.parametrize("levels", [0, 4])
+def test_short_recordings_are_scored_by_a_fit_to_pieces_too_and_long_ones_as_without(levels):
+    inputs, labels = recordings(4)
+    inputs = [torch.cat([x] * 4, dim=2) for x in inputs]  # 12 to 24 fragments
+    blocks = [("shape", BANDS - levels), ("level", levels)] if levels else None
+    pieces = [(number, x[..., :1] + 0.5) for number, x in enumerate(inputs) if number != 3]
+    cut, without, both = (LinearNet(CLASSES, bands=BANDS, blocks=blocks) for _ in range(3))
+    cut.fit(inputs, labels, pieces=pieces)
+    without.fit(inputs, labels)
+    numbers = [number for number, _ in pieces]
+    rows = [inputs[number] for number in numbers] + [x for _, x in pieces]
+    both.fit(rows, labels[numbers * 2], recordings=numbers * 2)
+    unseen = recordings(8)[0][-1][None]
+    for fragments, expected in ((1, both), (3, both), (5, without)):
+        x = torch.cat([unseen] * 2, dim=3)[..., :fragments]
+        torch.testing.assert_close(cut(x), expected(x), rtol=1e-3, atol=1e-3)
+    torch.testing.assert_close(without(unseen[..., :1]), without(unseen)[..., :1])
+    cut.fit(inputs, labels)  # anew, without pieces
+    assert all(x.numel() == 0 for x in cut.head.scores.short.buffers())
+
+
+def test_a_class_without_pieces_leaves_short_recordings_to_the_line_of_all():
+    inputs, labels = recordings(4)
+    inputs = [torch.cat([x] * 4, dim=2) for x in inputs]
+    network = LinearNet(CLASSES, bands=BANDS)
+    network.fit(inputs, labels, pieces=[(0, inputs[0][..., :1])])
+    assert not network.head.scores.short.in_use

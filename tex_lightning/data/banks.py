@@ -35,12 +35,14 @@ class InputBank:
 
     Attributes:
         as_given: Whether none was shorter than ``frames``, and so repeated.
+        pieces: Numbers of recordings, and the input of a short piece of each, for what is fitted
+            in closed form and takes them.
     """
 
     def __init__(self, inputs: Iterable[Tensor], frames: int, versions: int = 1) -> None:
         self.versions, self.frames = versions, frames
         lengths: list[int] = []
-        self.as_given = True
+        self.as_given, self.pieces = True, list[tuple[int, Tensor]]()
         with tempfile.TemporaryFile() as file:
             for item in inputs:
                 self.as_given &= item.shape[-1] >= frames

@@ -21,6 +21,7 @@ from tex_lightning.classifier.training_rows import TrainingRows
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import ScoreLayer, score_layer_of
 from tex_lightning.networks.linear import RangeGate
+from tex_lightning.networks.planes import SHORT
 
 Fragments = Sequence[Sequence[Tensor]]  # by class and recording, features (D, positions)
 DRAWN = 60  # features of each class that stand for its recordings
@@ -229,7 +230,11 @@ def _rebuilt(
         UserError: If something else in the network depends on their number.
     """
     extended = SurfaceClassifier(card)
-    kept = {name: value for name, value in state.items() if not name.startswith((STATISTICS, ROWS))}
+    kept = {
+        name: value
+        for name, value in state.items()  # the scores of short recordings are of the old classes
+        if not name.startswith((STATISTICS, ROWS)) and f".{SHORT}." not in name
+    }
     try:
         extended.load_state_dict(kept)
     except RuntimeError as error:

@@ -8,7 +8,7 @@ import math
 import statistics
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from itertools import product
-from typing import Annotated, NamedTuple
+from typing import Annotated, NamedTuple, cast
 
 import scipy  # whose parts are loaded when they are used
 import torch
@@ -20,6 +20,7 @@ from tex_lightning.networks.planes import (
     DIRECTIONS,
     ClassPlanes,
     LineOrPlanes,
+    ShortLine,
     clearly_better_planes,
     fit_planes,
 )
@@ -47,6 +48,7 @@ MAX_THINNED = 50  # classes that reliability is measured on
 MAX_ROWS = 600  # that settings are chosen on
 LEAST_ROWS, SOME_CLASSES = 5, 60  # of a class; where fewer are left of each, so many classes
 BLOCK = 1000  # rows that are measured at once
+SHORT_PART = 0.25  # of the fragments of a usual training recording: with fewer it is short
 MAX_FRAGMENTS = 400  # that tell the scatter within recordings
 
 
@@ -149,6 +151,10 @@ class LinearNet(nn.Module):
     Gaussian of each class that reaches far in two directions, over the fragments of a block of the
     kind ``mean``, takes the line's place where left-out recordings are clearly told apart better
     (:mod:`~tex_lightning.networks.planes`).
+
+    Features of a short recording are noisier, and those of windows that do not fit it differ. So
+    recordings of up to a quarter of the usual length have a line of their own, which is fitted to
+    pieces of the training recordings, too.
 
     Args:
         classes: Number of materials.
@@ -253,6 +259,7 @@ class LinearNet(nn.Module):
         labels: Tensor,
         groups: Sequence[str] | None = None,
         recordings: Sequence[int] | None = None,
+        pieces: Sequence[tuple[int, Tensor]] = (),
     ) -> None:
         """Fit the scores to all training recordings at once.
 
@@ -266,9 +273,11 @@ class LinearNet(nn.Module):
             groups: What was recorded together, of each recording; None takes each by itself.
             recordings: Number of the recording that each input is a version of; None takes each for
                 another.
+            pieces: Numbers of inputs, and the features (1, D, L) of a short piece of each.
         """
         counted = recordings or range(len(labels))
-        rows, labels, parts, units = _rows(inputs, labels.cpu(), groups or counted, counted)
+        given = labels = labels.cpu()
+        rows, labels, parts, units = _rows(inputs, labels, groups or counted, counted)
         usual = statistics.median(features.shape[-1] for features in inputs)
         mean, deviation = rows.mean(dim=0), rows.std(dim=0, correction=0)
         scale = torch.where(deviation > MIN_DEVIATION, 1 / deviation, 0)
@@ -300,6 +309,7 @@ class LinearNet(nn.Module):
         self.score_layer.bias = nn.Parameter(bias.to(self.score_layer.weight))
         left_out = left_out if len(rows) == len(inputs) and usual >= 2 else left_out[:0]
         self._fit_planes(inputs, labels, some, (few, few_parts, few_units, left_out))
+        self._fit_short(inputs, given, groups, counted, pieces, int(usual * SHORT_PART))
 
     def _fit_planes(
         self,
@@ -345,7 +355,60 @@ class LinearNet(nn.Module):
             fitted = fit_planes(every, labels, self.classes)
             wide = torch.zeros(len(fitted.projection), len(scale)).double()
             wide[:, spans[number]] = fitted.projection
-            planes.take(fitted._replace(projection=wide), sharpness)
+            planes.fit(fitted._replace(projection=wide), sharpness)
+
+    def _fit_short(
+        self,
+        inputs: Sequence[Tensor],
+        labels: Tensor,
+        groups: Sequence[str] | None,
+        recordings: Sequence[int],
+        pieces: Sequence[tuple[int, Tensor]],
+        most: int,
+    ) -> None:
+        """Fit the line of short recordings to pieces of recordings beside the whole ones.
+
+        Args:
+            inputs: Features (1, D, L) of each recording.
+            labels: (recordings,) class indices.
+            groups: Group of each recording, if that is known.
+            recordings: Number of the recording that each input is a version of.
+            pieces: Numbers of inputs, and the features of a piece of each.
+            most: Fragments of the longest recording that is short.
+        """
+        short: ShortLine = self.head.scores.short  # type: ignore[assignment]
+        short.take(None)
+        whole = sorted({number for number, _ in pieces})
+        if not most or {*labels[whole].tolist()} != {*range(self.classes)}:
+            return
+        rows = [(number, inputs[number]) for number in whole] + [*pieces]
+        numbers, features = [number for number, _ in rows], [x for _, x in rows]
+        other = LinearNet(
+            self.classes, bands=len(self.mean), blocks=self.blocks, strength=self.strength,
+            shrinkage=self.shrinkage,
+        )  # fmt: skip
+        other.fit(
+            features, labels[numbers], groups and [groups[number] for number in numbers],
+            [recordings[number] for number in numbers],
+        )  # fmt: skip
+        weight, bias = self._translated(other)
+        short.take({"weight": weight, "bias": bias, "most": torch.tensor(float(most))})
+
+    def _translated(self, other: "LinearNet") -> tuple[Tensor, Tensor]:
+        """Return the weights (classes, D, 1, 1) and biases that score alike by own features."""
+        layer = other.score_layer
+        weight, bias = layer.weight.double(), cast(Tensor, layer.bias).double()
+        mine, others = (net.whitening.double() for net in (self, other))
+        scales = self.scale.double().flatten(), other.scale.double().flatten()
+        weight = self._with_levels(weight.flatten(1), others.T) * scales[1]  # of features as given
+        bias = bias + weight @ (self.mean - other.mean).double().flatten()
+        weight = torch.where(scales[0] > 0, weight / scales[0], 0)
+        return self._with_levels(weight, torch.linalg.inv(mine).T)[:, :, None, None], bias
+
+    def _with_levels(self, weight: Tensor, matrix: Tensor) -> Tensor:
+        """Return weights (classes, D) with those of levels multiplied by a matrix."""
+        rest, levels = weight.tensor_split([weight.shape[1] - self.levels], dim=1)
+        return torch.cat((rest, levels @ matrix), dim=1)
 
     def _choose(self, ridge: Ridge, parts: Tensor) -> Choice:
         """Choose the settings with the smallest error on the parts that are left out.

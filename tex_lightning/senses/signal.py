@@ -2,7 +2,10 @@
 
 import inspect
 import logging
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import math
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from itertools import chain
 from pathlib import Path
 from typing import Any, ClassVar, Self, cast, overload
@@ -27,6 +30,8 @@ from tex_lightning_runtime.samples import Channels, as_trace
 
 log = logging.getLogger(__name__)
 EXAMPLE_SECONDS = 4
+PIECES = (0.25, 0.0625)  # of a recording, for scores of short ones
+MAX_CUT = 600  # recordings of which there are pieces, or a few more: one of each class at least
 
 
 class SignalSense(Sense):
@@ -114,7 +119,27 @@ class SignalSense(Sense):
         if learn and hasattr(features, "fit"):
             features.fit(raw[: len(rows)])
         versions = len(raw) // len(rows)
-        return InputBank(map(self._normalised, raw), size, versions)
+        bank = InputBank(map(self._normalised, raw), size, versions)
+        if "pieces" in _taken(self.network):
+            bank.pieces = [*self._pieces(rows, store, seed)]
+        return bank
+
+    def _pieces(
+        self, rows: Sequence[Recording], store: Store, seed: int
+    ) -> Iterator[tuple[int, Tensor]]:
+        """Yield numbers of some recordings, of every class, and inputs of short pieces of them."""
+        step, seen = math.ceil(len(rows) / MAX_CUT), Counter[str]()
+        for number, row in enumerate(rows):
+            seen[row.label] += 1
+            if seen[row.label] % step != 1 % step:
+                continue
+            recording, rng = load_recording(row, store), np.random.default_rng([seed, number])
+            for part in PIECES:
+                length = math.ceil(part * recording.shape[-1])
+                start = int(rng.integers(recording.shape[-1] - length + 1))
+                with suppress(UserError):  # hardly anything moves in it
+                    piece = self._raw(recording[:, start : start + length])
+                    yield number, self._normalised(piece)
 
     @torch.no_grad()
     def _raw(self, recording: Tensor) -> Tensor:
@@ -228,12 +253,21 @@ class Loaded(Sequence[Tensor]):
 def fit_closed_form(network: Any, bank: Bank, labels: Indices, groups: Sequence[str]) -> None:  # noqa: ANN401
     """Fit a network that has a method ``fit`` to all recordings and their perturbed copies.
 
-    It gets the ``groups`` of the inputs, and which of the ``recordings`` each is a version of, if
-    it takes them.
+    It gets the ``groups`` of the inputs, which of the ``recordings`` each is a version of, and
+    short ``pieces`` of some of them, if it takes these.
     """
-    inputs = cast(InputBank, bank).inputs
+    bank = cast(InputBank, bank)
+    inputs = bank.inputs
     given: list[Any] = [inputs, torch.from_numpy(np.resize(labels, len(inputs)))]
-    offered: dict[str, Sequence[Any]] = {"groups": groups, "recordings": range(len(labels))}
-    takes = inspect.signature(network.fit).parameters
-    versions = len(inputs) // len(labels)
-    network.fit(*given, **{name: [*x] * versions for name, x in offered.items() if name in takes})
+    versions, takes = len(inputs) // len(labels), _taken(network)
+    offered: dict[str, list[Any]] = {
+        "groups": [*groups] * versions,
+        "recordings": [*range(len(labels))] * versions,
+        "pieces": bank.pieces,
+    }
+    network.fit(*given, **{name: x for name, x in offered.items() if name in takes})
+
+
+def _taken(network: Any) -> Collection[str]:  # noqa: ANN401
+    """Return what a network's method ``fit`` takes; nothing of one without it."""
+    return inspect.signature(network.fit).parameters if hasattr(network, "fit") else ()
