@@ -4,8 +4,9 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override, Quote, QuotedString
@@ -105,19 +106,29 @@ def swept_keys(directory: Path) -> list[str]:
     Args:
         directory: Run folder of one of its jobs; that of a single run has none.
     """
-    record = directory / ".hydra" / "hydra.yaml"
-    if not record.is_file():
+    hydra = hydra_settings(directory)
+    if hydra.get("mode") != "MULTIRUN":
         return []
-    hydra: Any = OmegaConf.to_container(OmegaConf.load(record), resolve=False)
-    if hydra["hydra"].get("mode") != "MULTIRUN":
-        return []
-    sweeper = hydra["hydra"]["sweeper"]
+    sweeper = hydra["sweeper"]
     swept: list[str] = []
     with suppress(HydraException):  # arguments of a launcher's process may be no overrides
         parsed = parsed_overrides(_given(directory))
         swept = [key_of(override) for override in parsed if override.is_sweep_override()]
     named = [key for name in ("params", "search_space") for key in sweeper.get(name) or ()]
     return list(dict.fromkeys([*swept, *named]))
+
+
+def hydra_settings(directory: Path) -> dict[str, Any]:
+    """Return Hydra's own settings of a run folder; empty if none are on record."""
+    record = directory / ".hydra" / "hydra.yaml"
+    return _parsed(record.read_text(encoding="utf-8"))["hydra"] if record.is_file() else {}
+
+
+@lru_cache(maxsize=2)
+def _parsed(text: str) -> dict[str, Any]:
+    """Return the plain values of YAML; each logger of each network asks for the same."""
+    plain: Any = OmegaConf.to_container(OmegaConf.create(text), resolve=False)
+    return cast(dict[str, Any], plain)
 
 
 def _given(directory: Path) -> list[str]:

@@ -9,6 +9,7 @@ from omegaconf import OmegaConf
 from rich import box
 from rich.table import Table as Screened
 
+from tex_lightning.config.overrides import hydra_settings
 from tex_lightning.core.console import DEBUG, Screen, console
 from tex_lightning.core.files import read_record
 from tex_lightning.core.run_folder import SETTINGS
@@ -204,11 +205,10 @@ def run_overrides(directory: Path) -> list[str]:
 
 def typed_overrides(directory: Path) -> list[str]:
     """Return the overrides of a run folder that somebody has given, without derived ones."""
-    record = directory / ".hydra" / "hydra.yaml"
-    if not record.is_file():
+    hydra = hydra_settings(directory)
+    if not hydra:
         return run_overrides(directory)
-    plain: Any = OmegaConf.to_container(OmegaConf.load(record), resolve=False)
-    return [str(item) for item in plain["hydra"]["overrides"]["task"] if not OWN_SENSE.match(item)]
+    return [str(item) for item in hydra["overrides"]["task"] if not OWN_SENSE.match(item)]
 
 
 def is_tiny(overrides: Sequence[str]) -> bool:
