@@ -1,5 +1,6 @@
 """Events as TensorBoard's own reader finds them."""
 
+import functools
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,18 @@ KINDS = ("scalars", "images", "audio", "tensors")
 START = "_hparams_/session_start_info"
 
 
+@functools.cache
+def _read(folder: str, sizes: tuple[int, ...]) -> EventAccumulator:
+    """What is logged in a folder whose files have these sizes; checking sums takes a while."""
+    return EventAccumulator(folder, size_guidance=dict.fromkeys(KINDS, 0)).Reload()
+
+
 def runs(root: Path) -> dict[str, EventAccumulator]:
     """What is logged below a folder, by the name under which TensorBoard shows it."""
     found = {}
     for folder in sorted({file.parent for file in root.rglob("*tfevents*")}):
-        events = EventAccumulator(str(folder), size_guidance=dict.fromkeys(KINDS, 0))
-        found[str(folder.relative_to(root))] = events.Reload()
+        sizes = (file.stat().st_size for file in sorted(folder.glob("*tfevents*")))
+        found[str(folder.relative_to(root))] = _read(str(folder), tuple(sizes))
     return found
 
 
