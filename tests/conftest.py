@@ -2,6 +2,7 @@
 
 import copy
 import functools
+import gc
 import hashlib
 import os
 import shutil
@@ -16,6 +17,7 @@ import numpy as np
 import pytest
 import soundfile
 import torch
+from composing import compose_once
 from filelock import FileLock
 from hydra._internal.hydra import Hydra
 from hypothesis import settings
@@ -58,6 +60,11 @@ def pytest_configure(config) -> None:
     """The slow suite tries many examples of each property."""
     if config.option.markexpr == "slow":
         settings.load_profile("many")
+
+
+def pytest_collection_finish() -> None:
+    """Garbage is not looked for among all modules again and again."""
+    gc.freeze()
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -103,6 +110,14 @@ def cache(common) -> Path:
     """One cache for all tests, so that synthetic surfaces are rendered once."""
     (common / "cache").mkdir(exist_ok=True)
     return common / "cache"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def composed_once() -> Iterator[None]:
+    """Read the package's configuration files once a process."""
+    with pytest.MonkeyPatch.context() as patch:
+        compose_once(patch)
+        yield
 
 
 @pytest.fixture(autouse=True)
@@ -369,6 +384,16 @@ def save_classifier(classifier: SurfaceClassifier, path: Path, **changes: Any) -
 def untrained(common) -> Path:
     """A run folder with a small FusionNet and its parts, of random weights."""
     return make_once(common / "untrained", write_untrained)
+
+
+@pytest.fixture(scope="session")
+def exported(common, run_once) -> tuple[Path, Path]:
+    """Checkpoint and exported file of one network."""
+    from random_fusion import write_random_fusion  # which takes what is here
+
+    checkpoint = make_once(common / "random_fusion", write_random_fusion) / "fusion.ckpt"
+    run = run_once("task=export", f"checkpoint={checkpoint}", "export.check=3")
+    return checkpoint, run / "fusion.onnx"
 
 
 def write_untrained(folder: Path) -> None:

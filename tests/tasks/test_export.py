@@ -9,6 +9,7 @@ import onnxruntime
 import pytest
 import torch
 from conftest import make_card, make_trace, save_checkpoint
+from random_fusion import PAIRS
 
 import tex_lightning as tl
 from tex_lightning.evaluation.outcomes import wilson_interval
@@ -21,37 +22,34 @@ def results(folder: Path) -> dict:
     return json.loads((folder / "export.json").read_text())
 
 
-@pytest.fixture(scope="module")
-def fusion(run_once, untrained) -> Path:
-    """The folder of an exported FusionNet."""
-    return run_once("task=export", f"checkpoint={untrained}", "export.check=3")
-
-
-def test_export_json_says_what_was_compared(fusion):
-    found = results(fusion)
+def test_export_json_says_what_was_compared(exported):
+    _, file = exported
+    found = results(file.parent)
     assert (found["format"], found["file"], found["recordings"]) == ("onnx", "fusion.onnx", 3)
     assert found["same_labels"] == 3
     assert found["score_difference"] < 1e-5
-    assert found["bytes"] == (fusion / "fusion.onnx").stat().st_size
+    assert found["bytes"] == file.stat().st_size
     assert found["latency_ms"] > 0
 
 
-@pytest.mark.parametrize(("axes", "side"), [(3, 301)])
-def test_it_classifies_sizes_it_was_not_traced_with(fusion, untrained, axes, side):
-    session = onnxruntime.InferenceSession(fusion / "fusion.onnx")
-    classifier = tl.load(untrained).classifier
+@pytest.mark.parametrize(("axes", "side"), [(3, 602)])
+def test_it_classifies_sizes_it_was_not_traced_with(exported, axes, side):
+    checkpoint, file = exported
+    session = onnxruntime.InferenceSession(file)
+    classifier = tl.load(checkpoint).classifier
     trace = np.stack([make_trace(axis, 0, 2.9) for axis in range(axes)])
     photo = np.random.default_rng(0).integers(256, size=(side, side + 9, 3), dtype=np.uint8)
     names = [each.name for each in session.get_outputs()]
     outputs = dict(zip(names, session.run(None, {"haptic": trace, "image": photo}), strict=True))
     senses = classifier.senses
-    for name, given in (("haptic", trace), ("visual", photo)):
-        expected = classifier.partial_logits(name, torch.from_numpy(given)).detach().numpy()
+    halved, _ = senses["visual"].decode_input(photo, {})
+    for name, given in (("haptic", torch.from_numpy(trace)), ("visual", halved)):
+        expected = classifier.partial_logits(name, given).detach().numpy()
         found = outputs[f"{name}_scores"]
         np.testing.assert_allclose(found.reshape(3, -1), expected, atol=1e-4)
     spectrogram = senses["haptic"](torch.from_numpy(trace))[0, 0]
     np.testing.assert_allclose(outputs["haptic_input"], spectrogram, atol=1e-3)
-    assert outputs["scores"].shape == (3, 50)  # drawn at the seed of the card
+    assert outputs["scores"].shape == (3, PAIRS)  # drawn at the seed of the card
     assert outputs["shares"].sum() == pytest.approx(1)
     assert outputs["probabilities"].argmax() in range(3)
 
