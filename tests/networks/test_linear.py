@@ -35,6 +35,20 @@ def test_optional_features_are_used_where_they_help(tells):
     assert bool(network.score_layer.weight[:, size:].any()) == tells
 
 
+@pytest.mark.parametrize("first", [0, 1])
+def test_optional_features_of_every_second_take_are_not_used(first):
+    """As many rows as settings are not all chosen on; in the other takes the block is noise."""
+    rng, size, count = np.random.default_rng(3), 2, 620
+    labels, take = torch.arange(2).repeat_interleave(count // 2), np.arange(count)[:, None] % 2
+    shape = np.eye(size)[labels] + rng.standard_normal((count, size))
+    noise = 200 * rng.standard_normal((count, size))
+    power = np.where(take == first, 5 * np.eye(size)[labels], noise)
+    rows = torch.from_numpy(np.concatenate([shape, power], axis=1)).float()
+    network = LinearNet(2, bands=2 * size, blocks=[("shape", size), ("power", size)], strength=0.01)
+    network.fit(list(rows[:, None, :, None]), labels)
+    assert not network.score_layer.weight[:, size:].any()
+
+
 @pytest.mark.parametrize("each", [1, 5])
 def test_unseen_recordings_are_told_apart_and_the_order_of_fragments_is_kept(each):
     network = LinearNet(CLASSES, bands=BANDS, strength=0.03)

@@ -574,6 +574,9 @@ def _rows(
 def _chosen(labels: Tensor, classes: int) -> tuple[Tensor, int]:
     """Return the numbers of at most 600 rows to choose settings on, evenly spread.
 
+    They are drawn, each from its own part of all: every second row may be the same take of each
+    recording.
+
     Of many classes so few rows of each would be left that nothing of it could be left out; then
     they are of every nth class, which comes second.
     """
@@ -581,7 +584,12 @@ def _chosen(labels: Tensor, classes: int) -> tuple[Tensor, int]:
     if len(labels) > MAX_ROWS and LEAST_ROWS * classes > MAX_ROWS:
         nth = math.ceil(classes / SOME_CLASSES)
         some = some[labels % nth == 0]
-    return some[:: math.ceil(len(some) / MAX_ROWS)], nth
+    if len(some) > MAX_ROWS:
+        seeded = torch.Generator().manual_seed(0)
+        edges = torch.arange(MAX_ROWS + 1) * len(some) // MAX_ROWS
+        within = torch.rand(MAX_ROWS, generator=seeded) * edges.diff()
+        some = some[edges[:-1] + within.long()]
+    return some, nth
 
 
 def _count_units(labels: Tensor, units: Tensor, classes: int) -> Tensor:
