@@ -232,13 +232,11 @@ def test_many_classes_are_told_apart_with_probabilities_that_are_as_sure_as_righ
     assert abs(sure.mean() - right) < 0.1
 
 
-@pytest.mark.parametrize("levels", [0, 4])
-def test_short_recordings_are_scored_by_a_fit_to_pieces_too_and_long_ones_as_without(levels):
+def test_short_recordings_are_scored_by_a_fit_to_pieces_too_and_long_ones_as_without():
     inputs, labels = recordings(4)
     inputs = [torch.cat([x] * 4, dim=2) for x in inputs]  # 12 to 24 fragments
-    blocks = [("shape", BANDS - levels), ("level", levels)] if levels else None
     pieces = [(number, x[..., :1] + 0.5) for number, x in enumerate(inputs) if number != 3]
-    cut, without, both = (LinearNet(CLASSES, bands=BANDS, blocks=blocks) for _ in range(3))
+    cut, without, both = (LinearNet(CLASSES, bands=BANDS) for _ in range(3))
     cut.fit(inputs, labels, pieces=pieces)
     without.fit(inputs, labels)
     numbers = [number for number, _ in pieces]
@@ -253,9 +251,11 @@ def test_short_recordings_are_scored_by_a_fit_to_pieces_too_and_long_ones_as_wit
     assert all(x.numel() == 0 for x in cut.head.scores.short.buffers())
 
 
-def test_a_class_without_pieces_leaves_short_recordings_to_the_line_of_all():
+@pytest.mark.parametrize(("levels", "cut"), [(0, 1), (4, CLASSES)])
+def test_levels_or_a_class_without_pieces_leave_short_recordings_to_the_line_of_all(levels, cut):
     inputs, labels = recordings(4)
     inputs = [torch.cat([x] * 4, dim=2) for x in inputs]
-    network = LinearNet(CLASSES, bands=BANDS)
-    network.fit(inputs, labels, pieces=[(0, inputs[0][..., :1])])
+    blocks = [("shape", BANDS - levels), ("level", levels)] if levels else None
+    network = LinearNet(CLASSES, bands=BANDS, blocks=blocks)
+    network.fit(inputs, labels, pieces=[(number, inputs[number][..., :1]) for number in range(cut)])
     assert not network.head.scores.short.in_use

@@ -154,7 +154,8 @@ class LinearNet(nn.Module):
 
     Features of a short recording are noisier, and those of windows that do not fit it differ. So
     recordings of up to a quarter of the usual length have a line of their own, which is fitted to
-    pieces of the training recordings, too.
+    pieces of the training recordings, too; not where levels count, as of slow signals, which it did
+    not help everywhere (docs/reports/2026-11-26-short-strokes.md).
 
     Args:
         classes: Number of materials.
@@ -241,6 +242,11 @@ class LinearNet(nn.Module):
             x[:, -self.levels :, 0] = self.whitening.T @ x[:, -self.levels :, 0]
         scores: Tensor = self.head(x, level)
         return scores.squeeze(2)
+
+    @property
+    def cuts(self) -> bool:
+        """Whether :meth:`fit` makes use of pieces."""
+        return not self.levels
 
     @property
     def sizes(self) -> Tensor:
@@ -379,7 +385,7 @@ class LinearNet(nn.Module):
         short: ShortLine = self.head.scores.short  # type: ignore[assignment]
         short.take(None)
         whole = sorted({number for number, _ in pieces})
-        if not most or {*labels[whole].tolist()} != {*range(self.classes)}:
+        if not self.cuts or not most or {*labels[whole].tolist()} != {*range(self.classes)}:
             return
         rows = [(number, inputs[number]) for number in whole] + [*pieces]
         numbers, features = [number for number, _ in rows], [x for _, x in rows]
@@ -396,19 +402,11 @@ class LinearNet(nn.Module):
 
     def _translated(self, other: "LinearNet") -> tuple[Tensor, Tensor]:
         """Return the weights (classes, D, 1, 1) and biases that score alike by own features."""
-        layer = other.score_layer
-        weight, bias = layer.weight.double(), cast(Tensor, layer.bias).double()
-        mine, others = (net.whitening.double() for net in (self, other))
-        scales = self.scale.double().flatten(), other.scale.double().flatten()
-        weight = self._with_levels(weight.flatten(1), others.T) * scales[1]  # of features as given
-        bias = bias + weight @ (self.mean - other.mean).double().flatten()
-        weight = torch.where(scales[0] > 0, weight / scales[0], 0)
-        return self._with_levels(weight, torch.linalg.inv(mine).T)[:, :, None, None], bias
-
-    def _with_levels(self, weight: Tensor, matrix: Tensor) -> Tensor:
-        """Return weights (classes, D) with those of levels multiplied by a matrix."""
-        rest, levels = weight.tensor_split([weight.shape[1] - self.levels], dim=1)
-        return torch.cat((rest, levels @ matrix), dim=1)
+        layer, scale = other.score_layer, self.scale.double().flatten()
+        weight = layer.weight.double().flatten(1) * other.scale.double().flatten()
+        shift = weight @ (self.mean - other.mean).double().flatten()
+        weight = torch.where(scale > 0, weight / scale, 0)[:, :, None, None]
+        return weight, cast(Tensor, layer.bias).double() + shift
 
     def _choose(self, ridge: Ridge, parts: Tensor) -> Choice:
         """Choose the settings with the smallest error on the parts that are left out.

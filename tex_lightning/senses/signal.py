@@ -120,7 +120,7 @@ class SignalSense(Sense):
             features.fit(raw[: len(rows)])
         versions = len(raw) // len(rows)
         bank = InputBank(map(self._normalised, raw), size, versions)
-        if "pieces" in _taken(self.network):
+        if "pieces" in _taken(self.network) and getattr(self.network, "cuts", True):
             bank.pieces = [*self._pieces(rows, store, seed)]
         return bank
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 from omegaconf import OmegaConf
-from scipy.signal import ShortTimeFFT
+from scipy.signal import ShortTimeFFT, resample_poly
 from scipy.signal.windows import hann
 
 from tex_lightning.config import CONF
@@ -289,6 +289,30 @@ def test_rows_of_a_fragment_are_the_frames_inside_of_it():
     alone = features(quiet)[0, 0, shares]
     torch.testing.assert_close(both[:, :3], alone[:, :3], atol=0.35, rtol=0)
     assert (both[:, 0] - both[:, -1]).abs().max() == 1
+
+
+def test_bands_that_are_empty_at_a_lower_rate_change_no_others():
+    """Of what was recorded at half the rate, as SciPy resamples it back."""
+    features = make()
+    traces = [noise(4.0, seed=n).cumsum(dim=1) + 3 * noise(4.0, seed=9 + n) for n in range(3)]
+    features.learn(traces)
+    halved = resample_poly(traces[0].double().numpy(), 1, 2, axis=1)
+    lower = torch.from_numpy(resample_poly(halved, 2, 1, axis=1)).float()
+    state = features.state_dict()
+    older = make()  # of a checkpoint of before: no band is taken for empty
+    older.load_state_dict({name: x for name, x in state.items() if not name.startswith("usual")})
+    torch.testing.assert_close(older(traces[0]), features(traces[0]))
+    for index in features.used:
+        low = slice(0, features.sizes[index][0] - 2 * 4)  # not the octave above, nor the edge
+        moved, before = (
+            (x.responses(lower, index) - x.responses(traces[0], index))[:, low].abs().mean()
+            for x in (features, older)
+        )
+        assert moved < before / 2
+        assert before > 0.3
+    again = make()
+    again.load_state_dict(state)
+    assert torch.equal(again(lower), features(lower))
 
 
 def test_what_is_too_short_is_refused_with_its_length():

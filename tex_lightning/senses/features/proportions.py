@@ -36,6 +36,7 @@ PARTS = 16  # fragments that rows are added to at once
 MAX_FRAMES = 50_000  # frames, about, that thresholds are learnt from: enough for quantiles
 FLOOR = 1e-7  # of the power of a frame; below it the logarithm is flat
 SILENCE = 1e-15  # of the mean power of the training set, likewise
+EMPTY, LEAST_DEPTH = 4.0, 2.0  # deviations, and nepers of power: a band that far below is empty
 QUIET = 1e-3  # of a channel's usual deviation, likewise
 MAX_APART = 8  # axes of a slow signal whose bands also count one by one
 SHAPE, POWER, AXES = "shape", "power", "axes"  # kinds of blocks of proportions
@@ -53,7 +54,7 @@ class BandProportions(nn.Module):
 
     Thresholds are quantiles over the training set, without labels. Beyond the outer ones a
     proportion is 0 or 1, so the means of the first two comparisons are features as well, of the
-    kind ``mean``.
+    kind ``mean``. Highest bands in which there is nothing, as of a lower rate, count as usual ones.
 
     A slow signal has few frames, and its direction and level often tell the class. Its further
     blocks are
@@ -159,6 +160,7 @@ class BandProportions(nn.Module):
         index, window = len(self.lengths), torch.hann_window(length, periodic=False)
         self.register_buffer(f"window{index}", window, persistent=False)
         self.register_buffer(f"filters{index}", filters.T.contiguous(), persistent=False)
+        self.register_buffer(f"usual{index}", torch.zeros(2, bands))
         sizes = (bands, bands - gap, bands, bands)[: len(self.kinds)]
         self.register_buffer(
             f"thresholds{index}", torch.zeros(thresholds, sum(sizes) * (1 + self.apart))
@@ -191,6 +193,8 @@ class BandProportions(nn.Module):
         fits = enumerate(self.fits.tolist())
         self.used = [number for number, fit in fits if fit or number == shortest]
         self.longest = max(self.used, key=self.lengths.__getitem__)
+        usual = [self.get_buffer(f"usual{number}") for number in self.used]
+        self.knows_usual = any(bool(x.any()) for x in usual)
 
     @property
     def min_samples(self) -> int:
@@ -283,6 +287,8 @@ class BandProportions(nn.Module):
         for part in joined:  # a floor of the frame's own power, so that gain leaves its shape
             floor = FLOOR * part.mean(dim=2, keepdim=True) + SILENCE * self.level
             logs = ((part + floor) / self.level).log_()
+            if self.knows_usual:
+                logs = without_empty(logs, *self.get_buffer(f"usual{index}"))
             responses.append(compared(logs, self.gaps[index], len(self.kinds)))
         return torch.cat(responses, dim=1)
 
@@ -294,6 +300,8 @@ class BandProportions(nn.Module):
         """
         traces = traces[:: math.ceil(len(traces) / MAX_RECORDINGS)]
         self.fits.fill_(False)
+        for index in range(len(self.lengths)):
+            self.get_buffer(f"usual{index}").zero_()
         self._note_windows()
         counts = [self.movement(trace).shape[-1] for trace in traces]
         usual = statistics.median(counts)
@@ -310,10 +318,15 @@ class BandProportions(nn.Module):
         self.level.copy_(level if level > 0 else torch.ones_like(level))
         for index in self.used:
             kept = MAX_FRAMES // len(counts)
-            responses = [self._thinned(movement, index, kept) for movement in movements()]
-            self._learn_thresholds(torch.cat(responses), self.get_buffer(f"thresholds{index}"))
+            responses = torch.cat([self._thinned(x, index, kept) for x in movements()])
+            self._learn_thresholds(responses, self.get_buffer(f"thresholds{index}"))
+            if not self.levels:  # slow sensors have silent bands, which tell the material
+                relative = responses[:, : self.sizes[index][0]]
+                depth = (EMPTY * relative.std(dim=0, correction=0)).clamp_min(LEAST_DEPTH)
+                self.get_buffer(f"usual{index}").copy_(torch.stack([relative.mean(dim=0), depth]))
         if self.levels:
             self._learn_levels(movements)
+        self._note_windows()
 
     def _thinned(self, movement: Tensor, index: int, kept: int) -> Tensor:
         """Return at most so many rows of responses at equal distances, and at least one."""
@@ -335,6 +348,13 @@ class BandProportions(nn.Module):
         for channels in torch.split(every, size):
             ordered = responses[:, channels].sort(dim=0).values
             thresholds[:, channels] = (ordered[places] + ordered[after]) / 2
+
+    def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *rest: Any) -> None:  # noqa: ANN401
+        """Load a state; in checkpoints of before usual bands are not known."""
+        for name, value in self.named_buffers():
+            if name.startswith("usual"):
+                state.setdefault(prefix + name, torch.zeros_like(value))
+        super()._load_from_state_dict(state, prefix, *rest)
 
     def _learn_levels(self, movements: Callable[[], Iterator[Tensor]]) -> None:
         """Find the channels that are positive, and the usual deviation of each."""
@@ -503,6 +523,32 @@ class Moments:
 def hop_length(length: int) -> int:
     """Return the samples between the starts of frames of so many samples."""
     return max(1, round(length / OVERLAP))
+
+
+def without_empty(logs: Tensor, usual: Tensor, depth: Tensor) -> Tensor:
+    """Return log bands (axes, frames, bands) with empty ones as they usually are beside the others.
+
+    What was recorded at a lower rate has nothing in the highest bands. They would change the mean
+    of the frame, and with it all others.
+
+    Args:
+        logs: (axes, frames, bands).
+        usual: The bands of a frame in training, relative to its mean, (bands,).
+        depth: How far below a band is empty if those above are, (bands,).
+    """
+    apart = logs - usual
+    mean = apart.mean(dim=2, keepdim=True)
+    heard = apart - mean > -depth
+    on_cpu = logs.device.type == "cpu" and not torch.compiler.is_exporting()
+    if on_cpu and bool(heard[..., -1].all()):  # elsewhere that would be waited for
+        return logs
+    for _ in range(2):  # the mean of those that are heard is higher, and more are empty below it
+        heard = heard.flip(2).cumsum(dim=2).flip(2) > 0
+        count = heard.sum(dim=2, keepdim=True).clamp_min(1)
+        mean = (apart * heard).sum(dim=2, keepdim=True) / count
+        heard = apart - mean > -depth
+    heard = heard.flip(2).cumsum(dim=2).flip(2) > 0
+    return torch.where(heard, logs, usual + mean)
 
 
 def compared(bands: Tensor, gap: int, kinds: int) -> Tensor:
