@@ -71,7 +71,7 @@ def draw_panel(axes: Axes, found: Sequence[Node], ours: Sequence[str]) -> None:
     scores = np.array([100 * result["score"] for result in found])
     low = min(100 * result["ci_low"] for result in found)
     bottom, top = low - 0.04 * (100 - low), 100 + 0.04 * (100 - low)
-    axes.set(xscale="log", xlim=(0.2, 4000), ylim=(bottom, top))
+    axes.set(xscale="log", xlim=(0.2, 10_000), ylim=(bottom, top))
     axes.set_xticks([*TICKS], [*TICKS.values()])
     axes.minorticks_off()
     axes.grid(axis="y")
