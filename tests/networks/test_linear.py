@@ -237,7 +237,7 @@ def test_short_recordings_are_scored_by_a_fit_to_pieces_too_and_long_ones_as_wit
     inputs = [torch.cat([x] * 4, dim=2) for x in inputs]  # 12 to 24 fragments
     pieces = [(number, x[..., :1] + 0.5) for number, x in enumerate(inputs) if number != 3]
     cut, without, both = (LinearNet(CLASSES, bands=BANDS) for _ in range(3))
-    cut.fit(inputs, labels, pieces=pieces)
+    cut.eval().fit(inputs, labels, pieces=pieces)
     without.fit(inputs, labels)
     numbers = [number for number, _ in pieces]
     rows = [inputs[number] for number in numbers] + [x for _, x in pieces]
@@ -247,6 +247,8 @@ def test_short_recordings_are_scored_by_a_fit_to_pieces_too_and_long_ones_as_wit
         x = torch.cat([unseen] * 2, dim=3)[..., :fragments]
         torch.testing.assert_close(cut(x), expected(x), rtol=1e-3, atol=1e-3)
     torch.testing.assert_close(without(unseen[..., :1]), without(unseen)[..., :1])
+    cut.train()  # of a fusion, on single fragments of whole recordings
+    torch.testing.assert_close(cut(unseen[..., :1]), without(unseen[..., :1]))
     cut.fit(inputs, labels)  # anew, without pieces
     assert all(x.numel() == 0 for x in cut.head.scores.short.buffers())
 

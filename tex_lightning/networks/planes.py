@@ -148,6 +148,8 @@ class ShortLine(FittedLater):
     def layer(self, long: nn.Conv2d, count: int) -> tuple[Tensor, Tensor]:
         """Return weights (classes, D, 1, 1) and biases of a recording of so many fragments.
 
+        While a fusion is trained on single fragments, they are those of a long one.
+
         Args:
             long: The layer of recordings of more than ``most``.
             count: Number of fragments; in an export it is known only at run time.
@@ -156,7 +158,7 @@ class ShortLine(FittedLater):
         if self.in_use and torch.compiler.is_exporting():
             short = self.most / count >= 1
             return torch.where(short, mine[0], others[0]), torch.where(short, mine[1], others[1])
-        return mine if count <= self.limit else others
+        return mine if count <= self.limit and not self.training else others
 
 
 def fit_planes(fragments: Sequence[Tensor], labels: Tensor, classes: int) -> Fitted:
