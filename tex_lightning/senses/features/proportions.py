@@ -536,12 +536,13 @@ def without_empty(logs: Tensor, usual: Tensor, depth: Tensor) -> Tensor:
         usual: The bands of a frame in training, relative to its mean, (bands,).
         depth: How far below a band is empty if those above are, (bands,).
     """
-    apart = logs - usual
-    mean = apart.mean(dim=2, keepdim=True)
-    heard = apart - mean > -depth
+    mean = logs.mean(dim=2, keepdim=True) - usual.mean()
     on_cpu = logs.device.type == "cpu" and not torch.compiler.is_exporting()
-    if on_cpu and bool(heard[..., -1].all()):  # elsewhere that would be waited for
+    highest = logs[..., -1:] - usual[-1] - mean
+    if on_cpu and bool((highest > -depth[-1]).all()):  # elsewhere that would be waited for
         return logs
+    apart = logs - usual
+    heard = apart - mean > -depth
     for _ in range(2):  # the mean of those that are heard is higher, and more are empty below it
         heard = heard.flip(2).cumsum(dim=2).flip(2) > 0
         count = heard.sum(dim=2, keepdim=True).clamp_min(1)
