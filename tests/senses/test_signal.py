@@ -84,6 +84,25 @@ def test_a_bank_is_cut_into_training_inputs(tmp_path):
     assert sense.network.features(x, "fc3").shape == (3, 3, 1)
 
 
+class Fitted(Loudness):
+    """One that is fitted at once, and takes pieces."""
+
+    def fit(self, inputs, labels, pieces): ...
+
+
+def test_what_own_features_cannot_take_is_no_piece(tmp_path):
+    sense = SignalSense("touch", "force", SignalDecoder(RATE, RATE), Energy(), Fitted())
+    rows = []
+    for number in range(3):
+        path = tmp_path / f"{number}.npy"
+        np.save(path, signal(1.0 + number)[0].numpy())
+        rows.append(Recording("loud", "force", path, str(number)))
+    store = Store(tmp_path, {"force": sense.decoder})
+    pieces = sense.bank(rows, store, FIT, size=6, seed=0, learn=True).pieces
+    # a quarter is 300 samples, and a sixteenth less than the 100 of a frame
+    assert [(number, x.shape) for number, x in pieces] == [(n, (1, 3)) for n in range(3)]
+
+
 def test_spectrograms_are_normalised_by_the_training_set(surfaces, tmp_path):
     sense = SurfaceClassifier(make_card("haptic", width=0.1)).senses["haptic"]
     files = sorted((surfaces / "alpha" / "haptic").iterdir())[:3]

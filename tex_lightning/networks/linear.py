@@ -385,7 +385,8 @@ class LinearNet(nn.Module):
         short: ShortLine = self.head.scores.short  # type: ignore[assignment]
         short.take(None)
         whole = sorted({number for number, _ in pieces})
-        if not self.cuts or not most or {*labels[whole].tolist()} != {*range(self.classes)}:
+        unused = not (self.cuts and most and self.head.scores.is_linear)
+        if unused or {*labels[whole].tolist()} != {*range(self.classes)}:
             return
         rows = [(number, inputs[number]) for number in whole] + [*pieces]
         numbers, features = [number for number, _ in rows], [x for _, x in rows]

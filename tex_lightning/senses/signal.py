@@ -137,7 +137,8 @@ class SignalSense(Sense):
             for part in PIECES:
                 length = math.ceil(part * recording.shape[-1])
                 start = int(rng.integers(recording.shape[-1] - length + 1))
-                with suppress(UserError):  # hardly anything moves in it
+                # hardly anything moves in it, or features of one's own cannot take one as short
+                with suppress(UserError, RuntimeError, ValueError):
                     piece = self._raw(recording[:, start : start + length])
                     yield number, self._normalised(piece)
 
