@@ -12,7 +12,7 @@ import tex_lightning as tl
 from tex_lightning.classifier.vote import max_vote, mean_vote, random_tuples, score_vote
 from tex_lightning.errors import UserError
 from tex_lightning.inference.prediction import make_prediction
-from tex_lightning.networks.linear import fit_temperature
+from tex_lightning.networks.choice import fit_temperature
 from tex_lightning_runtime.quality import Quality
 
 LOGITS = arrays(

@@ -30,7 +30,7 @@ from tex_lightning.networks.blocks import (
     shared_copy,
 )
 from tex_lightning.networks.fusionnet import FusionLayer, bounded
-from tex_lightning.networks.planes import LineOrPlanes
+from tex_lightning.networks.line import LineOrPlanes
 from tex_lightning.senses.base import Sense, content, make_sense
 from tex_lightning_runtime.samples import content_seed
 

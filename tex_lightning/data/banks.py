@@ -37,12 +37,14 @@ class InputBank:
         as_given: Whether none was shorter than ``frames``, and so repeated.
         pieces: Numbers of recordings, and the input of a short piece of each, for what is fitted
             in closed form and takes them.
+        disturbed: Inputs of recordings, and of the same disturbed, likewise.
     """
 
     def __init__(self, inputs: Iterable[Tensor], frames: int, versions: int = 1) -> None:
         self.versions, self.frames = versions, frames
         lengths: list[int] = []
         self.as_given, self.pieces = True, list[tuple[int, Tensor]]()
+        self.disturbed = list[tuple[Tensor, Tensor]]()
         with tempfile.TemporaryFile() as file:
             for item in inputs:
                 self.as_given &= item.shape[-1] >= frames

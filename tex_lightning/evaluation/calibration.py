@@ -18,7 +18,7 @@ from tex_lightning.classifier.vote import RULES
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import class_indices
 from tex_lightning.evaluation.outcomes import Outcome
-from tex_lightning.networks.linear import fit_temperature
+from tex_lightning.networks.choice import fit_temperature
 
 BINS = 15
 IMPROBABLE = 1e-12  # the least probability of which a logarithm is taken

@@ -23,7 +23,8 @@ from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.classifier.training_rows import TrainingRows
 from tex_lightning.errors import UserError
 from tex_lightning.learning.statistics import statistics_with_reach
-from tex_lightning.networks.linear import LinearNet, RangeGate
+from tex_lightning.networks.line import RangeGate
+from tex_lightning.networks.linear import LinearNet
 
 SHARES = (0.25, 0.5)  # of the recordings of a class, the surest, that are taught in each round
 LEAST = 3  # recordings of a class that is taught

@@ -20,8 +20,7 @@ from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.classifier.training_rows import TrainingRows
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import ScoreLayer, score_layer_of
-from tex_lightning.networks.linear import RangeGate
-from tex_lightning.networks.planes import SHORT
+from tex_lightning.networks.line import SHORT, RangeGate
 
 Fragments = Sequence[Sequence[Tensor]]  # by class and recording, features (D, positions)
 DRAWN = 60  # features of each class that stand for its recordings

@@ -30,7 +30,8 @@ from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError, listed
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.learning.module import SurfaceModule
-from tex_lightning.networks.linear import LinearNet, fit_temperature
+from tex_lightning.networks.choice import fit_temperature
+from tex_lightning.networks.linear import LinearNet
 from tex_lightning.networks.trunks import Trunk
 from tex_lightning.networks.trunks.efficientnet_lite import TextureFeatures
 from tex_lightning.networks.visualnet import VisualNet

@@ -1,8 +1,8 @@
 """Shared parts of the networks: channel scaling, geometry, layers, initialisation, the head."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy, deepcopy
-from typing import Literal, NamedTuple, TypeVar, cast
+from typing import Any, Literal, NamedTuple, TypeVar, cast
 
 import torch
 from torch import Tensor, nn
@@ -236,3 +236,43 @@ def score_layer_of(network: nn.Module) -> ScoreLayer | None:
     if not isinstance(layer, ScoreLayer) or layer.bias is None:
         return None
     return layer if layer.weight[0].numel() == layer.weight.shape[1] else None
+
+
+class FittedLater(nn.Module):
+    """Buffers that are empty until something was found to be better by them.
+
+    Until then they take no room in a checkpoint.
+
+    Args:
+        names: Names of the buffers.
+        classes: Number of classes, of which the first buffer has a row each; None of others.
+    """
+
+    def __init__(self, names: Sequence[str], classes: int | None = None) -> None:
+        super().__init__()
+        self.names, self.classes = tuple(names), classes
+        for name in names:
+            self.register_buffer(name, torch.zeros(0))
+
+    @property
+    def in_use(self) -> bool:
+        """Whether they were fitted."""
+        return bool(self.get_buffer(self.names[0]).numel())
+
+    def take(self, values: Mapping[str, Tensor] | None) -> None:
+        """Use these values; None uses none."""
+        like = self.get_buffer(self.names[0])
+        for name in self.names:
+            setattr(self, name, (torch.zeros(0) if values is None else values[name]).to(like))
+
+    def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *rest: Any) -> None:  # noqa: ANN401
+        """Take the sizes of what is loaded; checkpoints of before have none."""
+        given = [state.setdefault(prefix + name, torch.zeros(0)) for name in self.names]
+        if self.classes and given[0].numel() and len(given[0]) != self.classes:
+            first = f"{prefix}{self.names[0]}"
+            rest[-1].append(f"{first} are of {len(given[0])} classes, not {self.classes}.")
+            return
+        like = self.get_buffer(self.names[0])
+        for name, value in zip(self.names, given, strict=True):
+            setattr(self, name, torch.zeros_like(value, device=like.device))
+        super()._load_from_state_dict(state, prefix, *rest)

@@ -7,21 +7,19 @@ directions does: probabilistic principal components of each class (Tipping and B
 
 import itertools
 import math
-from collections import OrderedDict
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple, cast
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple, cast
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import conv2d
+
+from tex_lightning.networks.blocks import FittedLater
 
 DIRECTIONS = 2  # in which a class reaches far: a stroke varies in speed and force
 POOLED = 12.0  # fragments that the scatter of all classes together counts for, in each of them
 LARGEST = 48  # directions of the features that are used
 MIN_VARIANCE = 1e-3  # between neighbouring fragments, as a share of the mean over the features
-BLOCK = 512  # positions that are scored at once
 CLEARLY = 3.0  # standard errors of how many more recordings are right
-SHORT = "short"  # name of the scores of short recordings
 MIN_UNITS = 4  # of the usual class, that were left out apart
 
 
@@ -58,46 +56,6 @@ class Fitted(NamedTuple):
         return self.offset[:, None] - far / 2
 
 
-class FittedLater(nn.Module):
-    """Buffers that are empty until something was found to be better by them.
-
-    Until then they take no room in a checkpoint.
-
-    Args:
-        names: Names of the buffers, of which the first has a row for each class.
-        classes: Number of classes.
-    """
-
-    def __init__(self, names: Sequence[str], classes: int) -> None:
-        super().__init__()
-        self.names, self.classes = tuple(names), classes
-        for name in names:
-            self.register_buffer(name, torch.zeros(0))
-
-    @property
-    def in_use(self) -> bool:
-        """Whether they were fitted."""
-        return bool(self.get_buffer(self.names[0]).numel())
-
-    def take(self, values: Mapping[str, Tensor] | None) -> None:
-        """Use these values; None uses none."""
-        like = self.get_buffer(self.names[0])
-        for name in self.names:
-            setattr(self, name, (torch.zeros(0) if values is None else values[name]).to(like))
-
-    def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *rest: Any) -> None:  # noqa: ANN401
-        """Take the sizes of what is loaded; checkpoints of before have none."""
-        given = [state.setdefault(prefix + name, torch.zeros(0)) for name in self.names]
-        if given[0].numel() and len(given[0]) != self.classes:
-            first = f"{prefix}{self.names[0]}"
-            rest[-1].append(f"{first} are of {len(given[0])} classes, not {self.classes}.")
-            return
-        like = self.get_buffer(self.names[0])
-        for name, value in zip(self.names, given, strict=True):
-            setattr(self, name, torch.zeros_like(value, device=like.device))
-        super()._load_from_state_dict(state, prefix, *rest)
-
-
 class ClassPlanes(FittedLater):
     """Score fragments by the logarithm of each class's density, once it was found to be better.
 
@@ -118,47 +76,6 @@ class ClassPlanes(FittedLater):
         """Use these classes, their scores times ``sharpness``."""
         sharper = ("narrow", "precision", "offset")
         self.take({n: x * (sharpness if n in sharper else 1) for n, x in fitted._asdict().items()})
-
-
-class ShortLine(FittedLater):
-    """Other linear scores for short recordings, whose features are noisier and not the same.
-
-    Args:
-        classes: Number of classes.
-    """
-
-    weight: Tensor
-    bias: Tensor
-    most: Tensor
-
-    def __init__(self, classes: int) -> None:
-        super().__init__(("weight", "bias", "most"), classes)
-        self.limit = 0.0  # the same as ``most``, without a wait for a device
-        loaded: Any = self.register_load_state_dict_post_hook  # it has no annotations
-        loaded(ShortLine._note_limit)
-
-    def _note_limit(self, *_: object) -> None:
-        self.limit = float(self.most) if self.in_use else 0.0
-
-    def take(self, values: Mapping[str, Tensor] | None) -> None:
-        """Use these values; None uses none."""
-        super().take(values)
-        self._note_limit()
-
-    def layer(self, long: nn.Conv2d, count: int) -> tuple[Tensor, Tensor]:
-        """Return weights (classes, D, 1, 1) and biases of a recording of so many fragments.
-
-        While a fusion is trained on single fragments, they are those of a long one.
-
-        Args:
-            long: The layer of recordings of more than ``most``.
-            count: Number of fragments; in an export it is known only at run time.
-        """
-        mine, others = (self.weight, self.bias), (long.weight, cast(Tensor, long.bias))
-        if self.in_use and torch.compiler.is_exporting():
-            short = self.most / count >= 1
-            return torch.where(short, mine[0], others[0]), torch.where(short, mine[1], others[1])
-        return mine if count <= self.limit and not self.training else others
 
 
 def fit_planes(fragments: Sequence[Tensor], labels: Tensor, classes: int) -> Fitted:
@@ -263,39 +180,3 @@ def _gain(scores: Tensor, others: Tensor, labels: Tensor, some: Tensor) -> float
     right, other = (x.argmax(dim=1)[some] == labels[some] for x in (scores, others))
     gained, lost = int((right & ~other).sum()), int((other & ~right).sum())
     return (gained - lost) / math.sqrt(max(1, gained + lost))
-
-
-class LineOrPlanes(nn.Sequential):
-    """Class scores of features that passed a gate: by a linear layer, or by planes where better.
-
-    Args:
-        gate: Takes features out that are out of range.
-        layer: Linear scores; the last part, which other classes are added to.
-    """
-
-    def __init__(self, gate: nn.Module, layer: nn.Conv2d) -> None:
-        planes, short = ClassPlanes(layer.out_channels), ShortLine(layer.out_channels)
-        parts = [("0", gate), ("planes", planes), (SHORT, short), ("1", layer)]
-        super().__init__(OrderedDict(parts))
-
-    def forward(self, x: Tensor, whole: tuple[Tensor, int] | None = None) -> Tensor:
-        """Map features (B, D, M, N) to class scores before softmax (B, classes, M, N).
-
-        ``whole`` is what the gate takes (:class:`~tex_lightning.networks.linear.RangeGate`).
-        """
-        if not torch.compiler.is_exporting() and x.shape[-1] > BLOCK:
-            if whole is None:
-                whole = x.flatten(2).mean(dim=2, keepdim=True), x[0, 0].numel()
-            return torch.cat([self(part, whole) for part in torch.split(x, BLOCK, dim=-1)], dim=-1)
-        gate, planes, short, layer = self
-        inside = gate(x, whole)
-        if self.is_linear:
-            count = x[0, 0].numel() if whole is None else whole[1]
-            return conv2d(inside, *cast(ShortLine, short).layer(cast(nn.Conv2d, layer), count))
-        scores: Tensor = planes(inside)
-        return scores
-
-    @property
-    def is_linear(self) -> bool:
-        """Whether the score of a mean is the mean of the scores."""
-        return not cast(ClassPlanes, self.planes).in_use

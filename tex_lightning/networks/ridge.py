@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 LEVEL_SHRINKAGE = 0.001  # of the scatter of levels within classes, in their mean variance
 BLOCK = 1000  # rows that are multiplied at once
-MIN_VARIANCE = 1e-9  # of a direction within recordings, as a share of the largest
+MIN_VARIANCE = 1e-9  # of a direction of changes, as a share of the largest
 
 
 class Products(NamedTuple):
@@ -20,9 +20,9 @@ class Products(NamedTuple):
     Attributes:
         kept: Which features are used (D,), 1 or 0.
         gram: Products (rows, rows) by all features but the levels.
-        across: Rows along the directions of scatter within recordings, (rows, R).
+        across: Rows along the directions in which changes lie, (rows, R).
         directions: These directions (R, D), orthonormal.
-        variances: Variance along each of them (R,).
+        variances: Mean square of the changes along each of them (R,).
         size: Weighted mean squared length of the centred rows, divided by their number.
     """
 
@@ -41,17 +41,17 @@ class Ridge:
         rows: (rows, D) float64.
         labels: (rows,) class indices.
         classes: Number of classes.
-        within: Deviations (fragments, D) of fragments from the means of their recordings, whose
-            scatter can be added to the ridge.
+        changes: Changes (changes, D) of rows that are to change no score, whose mean square can be
+            added to the ridge.
         levels: Number of the last features, which each fit brings to equal scatter within the
             classes of its rows.
     """
 
     def __init__(
-        self, rows: Tensor, labels: Tensor, classes: int, within: Tensor, levels: int = 0
+        self, rows: Tensor, labels: Tensor, classes: int, changes: Tensor, levels: int = 0
     ) -> None:
         self.rows, self.labels, self.classes = rows, labels, classes
-        self.within, self.levels = within, levels
+        self.changes, self.levels = changes, levels
         self.targets = nn.functional.one_hot(labels, classes).double()
 
     def weights(self, some: Tensor) -> Tensor:
@@ -66,14 +66,14 @@ class Ridge:
 
     def products(self, kept: Tensor) -> Products:
         """Return the products of rows by the features in use, (D,) of 1 or 0."""
-        rows, within = self.rows * kept, self.within * kept
-        values, vectors = torch.linalg.eigh(within @ within.T)
+        rows, changes = self.rows * kept, self.changes * kept
+        values, vectors = torch.linalg.eigh(changes @ changes.T)
         large = values > MIN_VARIANCE * values.max() if len(values) else values > 0
-        directions = (vectors[:, large] / values[large].sqrt()).T @ within
+        directions = (vectors[:, large] / values[large].sqrt()).T @ changes
         weights = self.weights(torch.ones_like(self.labels, dtype=torch.bool))
         size = weights @ rows.square().sum(dim=1) - (weights @ rows).square().sum()
         others = rows[:, : rows.shape[1] - self.levels]
-        across, variances = rows @ directions.T, values[large] / max(1, len(within))
+        across, variances = rows @ directions.T, values[large] / max(1, len(changes))
         return Products(
             kept, others @ others.T, across, directions, variances, float(size) / len(rows)
         )
@@ -85,18 +85,18 @@ class Ridge:
         start = rows.shape[1] - self.levels
         return torch.cat((rows[:, :start], rows[:, start:] @ whitening), dim=1)
 
-    def kernel(self, products: Products, within: float, ridge: float, some: Tensor) -> Tensor:
+    def kernel(self, products: Products, penalty: float, ridge: float, some: Tensor) -> Tensor:
         """Return products (rows, rows) after what a fit to some rows does to the features.
 
         Args:
             products: Of the features in use.
-            within: Weight of the scatter within recordings.
+            penalty: Weight of the changes.
             ridge: The ridge.
             some: (rows,) whether each row is fitted to.
         """
         kernel = products.gram
-        if within:
-            variances = within * products.variances
+        if penalty:
+            variances = penalty * products.variances
             kernel = (
                 kernel - products.across * (variances / (ridge + variances)) @ products.across.T
             )
@@ -118,7 +118,7 @@ class Ridge:
         return scores
 
     def solve(
-        self, products: Products, within: float, ridge: float
+        self, products: Products, penalty: float, ridge: float
     ) -> tuple[Tensor, Tensor, Tensor]:
         """Fit to all rows.
 
@@ -133,7 +133,7 @@ class Ridge:
         centre, share = weights @ self.rows, weights @ self.targets
         centre = self.whitened(centre[None] * products.kept, whitening)
         root, targets = weights.sqrt()[:, None], self.targets - share
-        variances = within * products.variances
+        variances = penalty * products.variances
 
         def centred(some: slice) -> Tensor:
             rows = self.whitened(self.rows[some] * products.kept, whitening)

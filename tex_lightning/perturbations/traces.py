@@ -4,6 +4,7 @@ Signals are (axes, samples) float32 at a known rate. SNR in dB is 10 log10 of th
 signal, without its mean, over that of the disturbance.
 """
 
+from collections.abc import Callable
 from fractions import Fraction
 
 import numpy as np
@@ -118,6 +119,64 @@ def shorter_trace(trace: Array, seconds: float, scene: Scene) -> Array:
     samples = min(trace.shape[1], max(1, round(seconds * scene.rate)))
     begin = int(scene.rng.random() * (trace.shape[1] - samples + 1))
     return trace[:, begin : begin + samples]
+
+
+def frequency_response(trace: Array, decibel: float, scene: Scene) -> Array:
+    """Amplify every octave by other decibels, of this deviation: another sensor, mount or tool."""
+    octaves = np.log2(np.arange(1, trace.shape[1] // 2 + 1))
+    knots = np.arange(octaves[-1] // 1 + 2)
+    decibels = np.interp(octaves, knots, scene.rng.normal(0, decibel, len(knots)))
+    gain = np.concatenate([[1.0], 10 ** (decibels / 20)])  # gravity is no vibration
+    return np.fft.irfft(np.fft.rfft(trace, axis=1) * gain, trace.shape[1], axis=1)
+
+
+def narrower_band(trace: Array, share: float, scene: Scene) -> Array:
+    """Apply a low pass at a share of the band."""
+    return low_pass(trace, share * scene.rate / 2, scene)
+
+
+def hum_of_machines(trace: Array, snr: float, scene: Scene) -> Array:
+    """Add a tone of 40 to 70 Hz and its next five harmonics, of any strengths, to every axis."""
+    tone, time = scene.rng.uniform(40, 70), np.arange(trace.shape[1]) / scene.rate
+    orders = [order for order in range(1, 7) if order * tone < scene.rate / 2]
+    if not orders:
+        return trace
+    waves = [np.sin(2 * np.pi * (order * tone * time + scene.rng.random())) for order in orders]
+    wave = scene.rng.random(len(orders)) @ np.stack(waves)
+    return trace + scaled(np.broadcast_to(wave, trace.shape), trace, snr)
+
+
+def swaying_force(trace: Array, decibel: float, scene: Scene) -> Array:
+    """Amplify every half second by other decibels, of this deviation, and between them evenly."""
+    knots = max(2, round(2 * trace.shape[1] / scene.rate))
+    places = np.linspace(0, knots - 1, trace.shape[1])
+    decibels = np.interp(places, np.arange(knots), scene.rng.normal(0, decibel, knots))
+    mean = trace.mean(axis=1, keepdims=True)
+    swayed: Array = mean + (trace - mean) * 10 ** (decibels / 20)
+    return swayed
+
+
+DISTURBANCES: tuple[tuple[Callable[[Array, float, Scene], Array], float, float], ...] = (
+    (white_noise, 10, 35),  # dB
+    (wrong_rate, -12, 12),  # per cent
+    (frequency_response, 6, 6),  # dB
+    (narrower_band, 0.1, 1),
+    (hum_of_machines, 10, 25),  # dB
+    (swaying_force, 5, 5),  # dB
+)
+
+
+def disturbed(trace: Array, kind: int, scene: Scene) -> Array:
+    """Change a signal as sensors, clocks and hands differ, which changes no material.
+
+    Args:
+        trace: (axes, samples) float32.
+        kind: Number of the disturbance, counted on beyond the last; its strength is drawn.
+        scene: Circumstances of the recording.
+    """
+    function, least, most = DISTURBANCES[kind % len(DISTURBANCES)]
+    changed = function(trace, scene.rng.uniform(least, most), scene)
+    return np.ascontiguousarray(changed, dtype=np.float32)
 
 
 def _resampled(trace: Array, longer: float) -> Array:

@@ -21,7 +21,9 @@ from tex_lightning.data.decode import Array, SignalDecoder, read_trace
 from tex_lightning.data.recordings import Recording, plural
 from tex_lightning.data.store import Store, load_recording
 from tex_lightning.errors import UserError
+from tex_lightning.perturbations.pixels import Scene
 from tex_lightning.perturbations.table import Augmentation
+from tex_lightning.perturbations.traces import disturbed
 from tex_lightning.senses.base import Change, Sense, as_tensor
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 from tex_lightning_runtime.quality import Quality, Ranges, limits, trace_measures, trace_quality
@@ -32,6 +34,8 @@ log = logging.getLogger(__name__)
 EXAMPLE_SECONDS = 4
 PIECES = (0.25, 0.0625)  # of a recording, for scores of short ones
 MAX_CUT = 600  # recordings of which there are pieces, or a few more: one of each class at least
+EACH_DISTURBED, MAX_DISTURBED = 3, 120  # times a recording is disturbed at most, and in all
+MAX_SECONDS = 10  # of a recording that is disturbed
 
 
 class SignalSense(Sense):
@@ -120,8 +124,11 @@ class SignalSense(Sense):
             features.fit(raw[: len(rows)])
         versions = len(raw) // len(rows)
         bank = InputBank(map(self._normalised, raw), size, versions)
-        if "pieces" in _taken(self.network) and getattr(self.network, "cuts", True):
+        taken = _taken(self.network)
+        if "pieces" in taken and getattr(self.network, "cuts", True):
             bank.pieces = [*self._pieces(rows, store, seed)]
+        if "disturbed" in taken:
+            bank.disturbed = [*self._disturbed(rows, store, seed)]
         return bank
 
     def _pieces(
@@ -141,6 +148,25 @@ class SignalSense(Sense):
                 with suppress(UserError, RuntimeError, ValueError):
                     piece = self._raw(recording[:, start : start + length])
                     yield number, self._normalised(piece)
+
+    def _disturbed(
+        self, rows: Sequence[Recording], store: Store, seed: int
+    ) -> Iterator[tuple[Tensor, Tensor]]:
+        """Yield inputs of stretches of some recordings, and of the same disturbed.
+
+        Recordings are evenly spread, and so are the kinds of disturbance.
+        """
+        rate = self.decoder.sampling_rate
+        count, most = min(MAX_DISTURBED, EACH_DISTURBED * len(rows)), round(MAX_SECONDS * rate)
+        for number in range(count):
+            rng = np.random.default_rng([seed, 1, number])
+            recording = load_recording(rows[number * len(rows) // count], store)
+            start = int(rng.integers(max(0, recording.shape[-1] - most) + 1))
+            stretch = recording[:, start : start + most]
+            changed = torch.from_numpy(disturbed(stretch.numpy(), number, Scene(rng, rate)))
+            with suppress(UserError, RuntimeError, ValueError):  # as of pieces
+                before, after = (self._normalised(self._raw(x)) for x in (stretch, changed))
+                yield before, after
 
     @torch.no_grad()
     def _raw(self, recording: Tensor) -> Tensor:
@@ -254,8 +280,8 @@ class Loaded(Sequence[Tensor]):
 def fit_closed_form(network: Any, bank: Bank, labels: Indices, groups: Sequence[str]) -> None:  # noqa: ANN401
     """Fit a network that has a method ``fit`` to all recordings and their perturbed copies.
 
-    It gets the ``groups`` of the inputs, which of the ``recordings`` each is a version of, and
-    short ``pieces`` of some of them, if it takes these.
+    It gets the ``groups`` of the inputs, which of the ``recordings`` each is a version of, short
+    ``pieces`` of some of them, and pairs of some and the same ``disturbed``, if it takes these.
     """
     bank = cast(InputBank, bank)
     inputs = bank.inputs
@@ -265,6 +291,7 @@ def fit_closed_form(network: Any, bank: Bank, labels: Indices, groups: Sequence[
         "groups": [*groups] * versions,
         "recordings": [*range(len(labels))] * versions,
         "pieces": bank.pieces,
+        "disturbed": bank.disturbed,
     }
     network.fit(*given, **{name: x for name, x in offered.items() if name in takes})
 

@@ -1,0 +1,294 @@
+"""Settings of the scores of a LinearNet, chosen on training rows that are left out of the fit."""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+import scipy  # whose parts are loaded when they are used
+import torch
+from torch import Tensor
+
+from tex_lightning.networks.ridge import (
+    Products,
+    Ridge,
+    discriminants,
+    reliability_of_means,
+    reliability_of_one,
+)
+
+SHARPNESS = 10.0  # of scores from about 0 to 1, to begin with
+STRENGTHS = (0.001, 0.01, 0.1, 1.0)  # of the ridge, at first; the grid goes on at its ends
+STRENGTH_LIMITS = (1e-6, 1e4)
+TIE = 1.01  # errors within 1 % are equal, and the stronger ridge is taken
+MIN_RELIABILITY = 0.05  # of one recording's score
+MANY = 5  # recordings of a class, from which on its scores are as large as with more
+MAX_THINNED = 50  # classes that reliability is measured on
+MAX_ROWS = 600  # that settings are chosen on
+LEAST_ROWS, SOME_CLASSES = 5, 60  # of a class; where fewer are left of each, so many classes
+
+
+class Choice(NamedTuple):
+    """Settings that were tried on rows that were left out.
+
+    Attributes:
+        products: Products of the rows by the features in use.
+        penalty: Weight of the changes that are to change no score.
+        ridge: The ridge.
+        scores: Scores (rows, classes) of each row when it was left out.
+        errors: Squared error (rows,) of each, times its weight.
+    """
+
+    products: Products
+    penalty: float
+    ridge: float
+    scores: Tensor
+    errors: Tensor
+
+    @property
+    def error(self) -> float:
+        """The weighted mean squared error."""
+        return float(self.errors.sum())
+
+
+class LineFit:
+    """Linear discriminants of the scores of a ridge regression, and how its settings are chosen.
+
+    Args:
+        ridge: Of the rows that settings are chosen on.
+        parts: (rows,) part in which each is left out; -1 for none.
+        units: (rows,) number of what each is left out with.
+        strength: Strength of the ridge, as a share of the mean squared length of a row; None
+            chooses it.
+        shrinkage: How far the scatter of scores within classes is taken for equal in every
+            direction: the fewer rows there are for each class, the further.
+    """
+
+    def __init__(
+        self,
+        ridge: Ridge,
+        parts: Tensor,
+        units: Tensor,
+        *,
+        strength: float | None,
+        shrinkage: float,
+    ) -> None:
+        self.ridge, self.parts, self.units = ridge, parts, units
+        self.strength, self.shrinkage = strength, shrinkage
+
+    def choose(self, subsets: Iterable[Tensor], recordings: int) -> Choice:
+        """Choose the settings with the smallest error on the parts that are left out.
+
+        Then the changes of the rows are added. What is left out has none of them, and could not
+        tell their weight: it grows with the number of recordings, as the ridge falls with it.
+
+        Args:
+            subsets: Which features (D,) may be used together, 1 or 0 each.
+            recordings: Number of recordings behind the rows.
+        """
+        tried = (self._best_strength(self.ridge.products(kept)) for kept in subsets)
+        best = min(tried, key=lambda choice: choice.error)
+        if not len(self.ridge.changes):
+            return best
+        return self._tried(best.products, recordings * best.ridge, best.ridge)
+
+    def _best_strength(self, products: Products) -> Choice:
+        """Return the choice of strength with the smallest error, inside of what was tried."""
+        grid = STRENGTHS if self.strength is None else (self.strength,)
+        choices = {
+            strength: self._tried(products, 0, strength * products.size) for strength in grid
+        }
+        while self.strength is None:
+            best = min(choices, key=lambda strength: choices[strength].error)
+            further = best * 10 if best == max(choices) else best / 10
+            low, high = STRENGTH_LIMITS
+            if min(choices) < best < max(choices) or not low < further < high:
+                break
+            choices[further] = self._tried(products, 0, further * products.size)
+        least = min(choice.error for choice in choices.values())
+        return choices[max(x for x, choice in choices.items() if choice.error <= TIE * least)]
+
+    def _tried(self, products: Products, penalty: float, size: float) -> Choice:
+        ridge = self.ridge
+
+        def scores(rest: Tensor) -> Tensor:
+            return ridge.scores(ridge.kernel(products, penalty, size, rest), size, rest)
+
+        left_out = self._left_out(scores)
+        weights = ridge.weights(self.parts >= 0)
+        errors = weights * (left_out - ridge.targets).square().sum(dim=1)
+        return Choice(products, penalty, size, left_out, errors)
+
+    def _left_out(self, scores: Callable[[Tensor], Tensor]) -> Tensor:
+        """Return the scores (rows, classes) of each row by a fit without its part, else 0.
+
+        ``scores`` gives those of all rows by a fit to those that are marked.
+        """
+        left_out = torch.zeros(len(self.parts), self.ridge.classes).double()
+        for part in {*self.parts[self.parts >= 0].tolist()}:
+            out = self.parts == part
+            left_out[out] = scores(~out)[out]
+        return left_out
+
+    def reliability(self, choice: Choice) -> tuple[float | None, Tensor]:
+        """Return the reliability of one unit's score, and the units (classes,) of each class.
+
+        What share of a score new recordings keep is measured by the parts that are left out, and
+        with as few units as the smallest class has. It is None where classes need not differ.
+        """
+        ridge = self.ridge
+        counts = count_units(ridge.labels, self.units, ridge.classes).clamp_min(1)
+        least = int(counts.min())
+        larger = (counts > least).nonzero()[:MAX_THINNED, 0].tolist()
+        if not larger or least >= MANY:
+            return None, counts
+        shares: list[tuple[float, float, float]] = []
+        for label in larger:
+            members = torch.tensor(sorted({*self.units[ridge.labels == label].tolist()}))
+            out = (ridge.labels == label) & ~torch.isin(self.units, members[:least])
+            kernel = ridge.kernel(choice.products, choice.penalty, choice.ridge, ~out)
+            thinned = _share(ridge.scores(kernel, choice.ridge, ~out)[out], label)
+            divided = len({*self.parts[ridge.labels == label].tolist()})
+            fitted = float(counts[label]) * (1 - 1 / divided)
+            shares.append((thinned, _share(choice.scores[out], label), fitted))
+        thinned, whole, fitted = (sum(x) / len(larger) for x in zip(*shares, strict=True))
+        one = thinned
+        if fitted > least:
+            one = reliability_of_one(thinned / max(whole, 1e-9), least, fitted)
+        return min(max(one, MIN_RELIABILITY), 1.0), counts
+
+    def left_out_scores(self, choice: Choice, factors: Tensor) -> Tensor:
+        """Return the final scores (rows, classes) of each row by a fit without its part, else 0."""
+        ridge = self.ridge
+
+        def scores(rest: Tensor) -> Tensor:
+            kernel = ridge.kernel(choice.products, choice.penalty, choice.ridge, rest)
+            found = ridge.scores(kernel, choice.ridge, rest)
+            coefficients, intercept = self._discriminants(found[rest], ridge.labels[rest])
+            return enlarged((found @ coefficients + intercept).T, factors).T
+
+        return self._left_out(scores)
+
+    def solve(self, ridge: Ridge, choice: Choice) -> tuple[Tensor, Tensor, Tensor]:
+        """Return whitening, weights (D, classes) and bias (classes,) of a fit to all rows."""
+        weights, offset, whitening = ridge.solve(choice.products, choice.penalty, choice.ridge)
+        scores = ridge.whitened(ridge.rows, whitening) @ weights + offset
+        coefficients, intercept = self._discriminants(scores, ridge.labels)
+        return whitening, weights @ coefficients, offset @ coefficients + intercept
+
+    def _discriminants(self, scores: Tensor, labels: Tensor) -> tuple[Tensor, Tensor]:
+        classes = scores.shape[1]
+        freedom = max(1, len(scores) - classes)  # with which the scatter is known
+        return discriminants(scores, labels, self.shrinkage * classes / freedom)
+
+    def sharpness_of_one_part(
+        self, ridge: Ridge, parts: Tensor, choice: Choice, factors: Tensor
+    ) -> float:
+        """Return the scale of scores as :func:`sharpness_of` does, by the largest part alone.
+
+        All classes are told apart, which are too many for a fit without each part.
+
+        Args:
+            ridge: Of the rows of all classes.
+            parts: (rows,) part of each.
+            choice: The settings.
+            factors: As of :func:`enlarged`.
+        """
+        out = parts == parts[parts >= 0].mode().values
+        labels = ridge.labels
+        rest = Ridge(ridge.rows[~out], labels[~out], ridge.classes, ridge.changes, ridge.levels)
+        whitening, weights, bias = self.solve(rest, choice)
+        scores = rest.whitened(ridge.rows[out], whitening) @ weights + bias
+        scores, about = enlarged(scores.T, factors).T, SHARPNESS
+        for _ in range(2):  # of many classes it is beyond ten times of the first
+            about = sharpness_of(scores, labels[out], parts[out], about)
+        return about
+
+
+def chosen_rows(labels: Tensor, classes: int) -> tuple[Tensor, int]:
+    """Return the numbers of at most 600 rows to choose settings on, evenly spread.
+
+    They are drawn, each from its own part of all: every second row may be the same take of each
+    recording.
+
+    Of many classes so few rows of each would be left that nothing of it could be left out; then
+    they are of every nth class, which comes second.
+    """
+    some, nth = torch.arange(len(labels)), 1
+    if len(labels) > MAX_ROWS and LEAST_ROWS * classes > MAX_ROWS:
+        nth = math.ceil(classes / SOME_CLASSES)
+        some = some[labels % nth == 0]
+    if len(some) > MAX_ROWS:
+        seeded = torch.Generator().manual_seed(0)
+        edges = torch.arange(MAX_ROWS + 1) * len(some) // MAX_ROWS
+        within = torch.rand(MAX_ROWS, generator=seeded) * edges.diff()
+        some = some[edges[:-1] + within.long()]
+    return some, nth
+
+
+def count_units(labels: Tensor, units: Tensor, classes: int) -> Tensor:
+    """Return the number of different units of each class (classes,)."""
+    pairs = {*zip(labels.tolist(), units.tolist(), strict=True)}
+    return torch.tensor([label for label, _ in pairs]).bincount(minlength=classes)
+
+
+def factors_of(one: float | None, counts: Tensor) -> Tensor:
+    """Return by how much the scores of each class are enlarged (classes,), at least 1.
+
+    Args:
+        one: Reliability of the score that one unit gives; None enlarges none.
+        counts: Units (classes,) of each class.
+    """
+    if one is None:
+        return torch.ones(len(counts)).double()
+    kept = reliability_of_means(one, counts.clamp(max=MANY))
+    return kept.max() / kept
+
+
+def enlarged(scores: Tensor, factors: Tensor) -> Tensor:
+    """Return scores (classes, ...) around their mean times the factors of the classes."""
+    return (scores - scores.mean(dim=0)) * factors.reshape(-1, *[1] * (scores.dim() - 1))
+
+
+def sharpness_of(left_out: Tensor, labels: Tensor, parts: Tensor, about: float) -> float:
+    """Return the scale under which left-out scores (rows, classes) are as confident as correct.
+
+    Args:
+        left_out: Scores of each row by a fit without its part.
+        labels: (rows,) class indices.
+        parts: (rows,) part in which each row is left out; -1 for none.
+        about: A tenth to ten times of which it is.
+    """
+    scores = [*(about * left_out[parts >= 0][:, :, None])]
+    return about / fit_temperature(scores, labels[parts >= 0].tolist())
+
+
+def _share(scores: Tensor, label: int) -> float:
+    """Return the mean score of a class in (rows, classes), as a share of that of the targets."""
+    return float((scores[:, label] - scores.mean(dim=1)).mean() / (1 - 1 / scores.shape[1]))
+
+
+def fit_temperature(logits: Sequence[Tensor], labels: Sequence[int]) -> float:
+    """Return the temperature under which mean probabilities over fragments fit the labels best.
+
+    It minimises the cross entropy against labels that are softened as Platt (1999) does: with n
+    samples the true class has (n + 1) / (n + 2), and the others share the rest. A network
+    that errs on none of a few samples would otherwise be made infinitely sure.
+
+    Args:
+        logits: (classes, fragments) of each sample.
+        labels: True class of each.
+
+    Returns:
+        From 0.1 to 10.
+    """
+    classes, count = len(logits[0]), len(labels)
+    rest = 1 / (count + 2)
+    target = torch.full((count, classes), rest / (classes - 1), dtype=torch.float64)
+    target[torch.arange(count), torch.tensor(labels)] = 1 - rest
+
+    def loss(log_temperature: float) -> float:
+        scaled = [(scores.cpu().double() / 10**log_temperature).softmax(dim=0) for scores in logits]
+        means = [shares.sum(dim=1) / shares.shape[1] for shares in scaled]
+        return float(-(target * torch.stack(means).clamp_min(1e-300).log()).sum() / count)
+
+    return float(10 ** scipy.optimize.minimize_scalar(loss, bounds=(-1, 1), method="bounded").x)

@@ -1,0 +1,145 @@
+"""What scores the fragments of a LinearNet: a gate, then a line, or what takes its place."""
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from typing import Any, cast
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import conv2d
+
+from tex_lightning.networks.blocks import FittedLater
+from tex_lightning.networks.planes import ClassPlanes
+
+BLOCK = 512  # positions that are scored at once
+MARGIN = 4.0  # over the root of the rows: of few the largest length says little about the next
+ROWS = 1000  # that are measured at once
+SHORT = "short"  # name of the scores of short recordings
+
+
+class RangeGate(nn.Module):
+    """Take out groups of features that lie outside of everything in training.
+
+    Another gain or mount of the sensor, or a hum, is no property of the material. A group becomes
+    zero, the mean of the training, if its mean over the recording is longer than its limit. Groups
+    are what depends on gain and mount (``power``, ``level``), and every frequency band.
+
+    Args:
+        member: Which features each group has, (groups, D).
+
+    Attributes:
+        limits: Largest squared length of each group.
+        fragments: Fragments of a usual training recording; the mean of fewer varies more.
+    """
+
+    member: Tensor
+    limits: Tensor
+    fragments: Tensor
+
+    def __init__(self, member: Tensor) -> None:
+        super().__init__()
+        self.register_buffer("member", member.float(), persistent=False)
+        self.register_buffer("limits", torch.full((len(member),), torch.finfo().max))
+        self.register_buffer("fragments", torch.ones(()))
+
+    def limits_of(self, rows: Tensor) -> Tensor:
+        """Return the limits (groups,) that training on rows (rows, D) gives."""
+        margin, blocks = 1 + MARGIN / len(rows) ** 0.5, torch.split(rows[:, :, None], ROWS)
+        longest = torch.stack([self.lengths(x).amax(dim=0) for x in blocks]).amax(dim=0)
+        limits: Tensor = (margin**2 * longest).clamp_min(torch.finfo().tiny)
+        return limits.to(self.limits)
+
+    def lengths(self, x: Tensor) -> Tensor:
+        """Return squared lengths (B, groups) of the mean of features (B, D, positions...)."""
+        squares: Tensor = x.flatten(2).mean(dim=2).square() @ self.member.to(x.dtype).T
+        return squares
+
+    def forward(self, x: Tensor, whole: tuple[Tensor, int] | None = None) -> Tensor:
+        """Return features (B, D, M, N) with zeros in the groups that are out of range.
+
+        Args:
+            x: Features of all fragments of a recording, or of some.
+            whole: Mean (B, D, 1) of all its fragments and their number; None takes those of ``x``.
+        """
+        mean, count = (x, x[0, 0].numel()) if whole is None else whole
+        limits = self.limits * (self.fragments / count).clamp_min(1)
+        outside = (self.lengths(mean) > limits).to(x.dtype) @ self.member.to(x.dtype)
+        inside: Tensor = x * (1 - outside.clamp(max=1))[:, :, None, None]
+        return inside
+
+
+class ShortLine(FittedLater):
+    """Other linear scores for short recordings, whose features are noisier and not the same.
+
+    Args:
+        classes: Number of classes.
+    """
+
+    weight: Tensor
+    bias: Tensor
+    most: Tensor
+
+    def __init__(self, classes: int) -> None:
+        super().__init__(("weight", "bias", "most"), classes)
+        self.limit = 0.0  # the same as ``most``, without a wait for a device
+        loaded: Any = self.register_load_state_dict_post_hook  # it has no annotations
+        loaded(ShortLine._note_limit)
+
+    def _note_limit(self, *_: object) -> None:
+        self.limit = float(self.most) if self.in_use else 0.0
+
+    def take(self, values: Mapping[str, Tensor] | None) -> None:
+        """Use these values; None uses none."""
+        super().take(values)
+        self._note_limit()
+
+    def layer(self, long: nn.Conv2d, count: int) -> tuple[Tensor, Tensor]:
+        """Return weights (classes, D, 1, 1) and biases of a recording of so many fragments.
+
+        While a fusion is trained on single fragments, they are those of a long one.
+
+        Args:
+            long: The layer of recordings of more than ``most``.
+            count: Number of fragments; in an export it is known only at run time.
+        """
+        mine, others = (self.weight, self.bias), (long.weight, cast(Tensor, long.bias))
+        if self.in_use and torch.compiler.is_exporting():
+            short = self.most / count >= 1
+            return torch.where(short, mine[0], others[0]), torch.where(short, mine[1], others[1])
+        return mine if count <= self.limit and not self.training else others
+
+
+class LineOrPlanes(nn.Sequential):
+    """Class scores of features that passed a gate: by a linear layer, or by planes where better.
+
+    Args:
+        gate: Takes features out that are out of range.
+        layer: Linear scores; the last part, which other classes are added to.
+    """
+
+    def __init__(self, gate: nn.Module, layer: nn.Conv2d) -> None:
+        planes, short = ClassPlanes(layer.out_channels), ShortLine(layer.out_channels)
+        parts = [("0", gate), ("planes", planes), (SHORT, short), ("1", layer)]
+        super().__init__(OrderedDict(parts))
+
+    def forward(self, x: Tensor, whole: tuple[Tensor, int] | None = None) -> Tensor:
+        """Map features (B, D, M, N) to class scores before softmax (B, classes, M, N).
+
+        ``whole`` is what the gate takes (:class:`RangeGate`).
+        """
+        if not torch.compiler.is_exporting() and x.shape[-1] > BLOCK:
+            if whole is None:
+                whole = x.flatten(2).mean(dim=2, keepdim=True), x[0, 0].numel()
+            return torch.cat([self(part, whole) for part in torch.split(x, BLOCK, dim=-1)], dim=-1)
+        gate, planes, short, layer = self
+        inside = gate(x, whole)
+        if self.is_linear:
+            count = x[0, 0].numel() if whole is None else whole[1]
+            return conv2d(inside, *cast(ShortLine, short).layer(cast(nn.Conv2d, layer), count))
+        scores: Tensor = planes(inside)
+        return scores
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether the score of a mean is the mean of the scores."""
+        return not cast(ClassPlanes, self.planes).in_use
