@@ -75,21 +75,21 @@ class LineFit:
         self.ridge, self.parts, self.units = ridge, parts, units
         self.strength, self.shrinkage = strength, shrinkage
 
-    def choose(self, subsets: Iterable[Tensor], recordings: int) -> Choice:
+    def choose(self, subsets: Iterable[Tensor]) -> Choice:
         """Choose the settings with the smallest error on the parts that are left out.
 
-        Then the changes of the rows are added. What is left out has none of them, and could not
-        tell their weight: it grows with the number of recordings, as the ridge falls with it.
+        Then the changes are added. What is left out has none of them, and could not tell their
+        weight: it grows with the number of units, as the ridge falls with that of rows.
 
         Args:
             subsets: Which features (D,) may be used together, 1 or 0 each.
-            recordings: Number of recordings behind the rows.
         """
         tried = (self._best_strength(self.ridge.products(kept)) for kept in subsets)
         best = min(tried, key=lambda choice: choice.error)
         if not len(self.ridge.changes):
             return best
-        return self._tried(best.products, recordings * best.ridge, best.ridge)
+        units = len({*self.units.tolist()})
+        return self._tried(best.products, units * best.ridge, best.ridge)
 
     def _best_strength(self, products: Products) -> Choice:
         """Return the choice of strength with the smallest error, inside of what was tried."""

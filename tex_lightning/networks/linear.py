@@ -219,7 +219,7 @@ class LinearNet(nn.Module):
         line = LineFit(
             ridge, few_parts, few_units, strength=self.strength, shrinkage=self.shrinkage
         )
-        choice = line.choose(self._subsets(), min(len(some), len({*counted})))
+        choice = line.choose(self._subsets())
         one, counts = line.reliability(choice)
         factors = factors_of(one, counts)
         left_out = line.left_out_scores(choice, factors)
@@ -265,8 +265,8 @@ class LinearNet(nn.Module):
             self.disturbances.take(None)
         changes[:, len(scale) - self.levels :] = 0
         lengths = changes.norm(dim=1)
-        some = lengths > 0
-        return changes[some] / lengths[some, None]
+        unit: Tensor = changes[lengths > 0] / lengths[lengths > 0, None]
+        return unit
 
     def _fit_planes(
         self,
