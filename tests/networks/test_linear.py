@@ -261,3 +261,64 @@ def test_levels_or_a_class_without_pieces_leave_short_recordings_to_the_line_of_
     network = LinearNet(CLASSES, bands=BANDS, blocks=blocks)
     network.fit(inputs, labels, pieces=[(number, inputs[number][..., :1]) for number in range(cut)])
     assert not network.head.scores.short.in_use
+
+
+def disturbed_along(direction: torch.Tensor, inputs: list[torch.Tensor]):
+    """Pairs of inputs, and of the same moved to and fro."""
+    ways = [(-1) ** number * direction[:, None] for number in range(len(inputs))]
+    return [(x, x + way) for x, way in zip(inputs, ways, strict=True)]
+
+
+def test_scores_hardly_follow_what_disturbs_and_classes_are_told_apart_as_well():
+    inputs, labels = recordings(6)
+    direction = torch.from_numpy(np.random.default_rng(8).standard_normal(BANDS)).float()
+    plain, steady, weak = (LinearNet(CLASSES, bands=BANDS) for _ in range(3))
+    plain.fit(inputs, labels)
+    steady.fit(inputs, labels, disturbed=disturbed_along(direction, inputs))
+    weak.fit(inputs, labels, disturbed=disturbed_along(direction / 100, inputs))
+    along = [
+        (net.score_layer.weight[:, :, 0, 0] * net.scale[:, 0, 0]) @ direction
+        for net in (plain, steady, weak)
+    ]
+    assert along[1].norm() < along[0].norm() / 2
+    torch.testing.assert_close(along[2], along[1], rtol=1e-2, atol=1e-3)  # however strong it is
+    unseen, truth = recordings(30)
+    for network in (plain, steady):
+        found = [int(network(x[None]).mean(dim=2).argmax()) for x in unseen]
+        assert np.mean(np.array(found) == truth.numpy()) > 0.95
+
+
+def test_disturbances_are_kept_for_the_next_fit_unless_rows_are_not(tmp_path):
+    inputs, labels = recordings(4)
+    pairs = disturbed_along(torch.eye(BANDS)[0], inputs)
+    first, given, without = (LinearNet(CLASSES, bands=BANDS) for _ in range(3))
+    first.fit(inputs, labels, disturbed=pairs)
+    loaded = LinearNet(CLASSES, bands=BANDS)
+    loaded.load_state_dict(first.state_dict())
+    more, kinds = recordings(6)
+    loaded.fit(more, kinds)
+    given.fit(more, kinds, disturbed=pairs)
+    without.fit(more, kinds)
+    torch.testing.assert_close(loaded.score_layer.weight, given.score_layer.weight)
+    assert not torch.allclose(without.score_layer.weight, given.score_layer.weight, rtol=1e-2)
+    loaded.fit(more, kinds, disturbed=[])
+    torch.testing.assert_close(loaded.score_layer.weight, without.score_layer.weight)
+    spare = LinearNet(CLASSES, bands=BANDS, keep_rows=False)
+    spare.fit(inputs, labels, disturbed=pairs)
+    torch.testing.assert_close(spare.score_layer.weight, first.score_layer.weight)
+    assert not spare.disturbances.in_use
+    old = {name: x for name, x in first.state_dict().items() if "disturbances" not in name}
+    LinearNet(CLASSES, bands=BANDS).load_state_dict(old)
+
+
+def test_levels_may_follow_what_disturbs():
+    """A level is brought to equal scatter by the training, and has no place among changes."""
+    inputs, labels = recordings(5)
+    blocks = [("shape", BANDS - 2), ("level", 2)]
+    networks = [LinearNet(CLASSES, bands=BANDS, blocks=blocks) for _ in range(2)]
+    level = torch.zeros(BANDS)
+    level[-1] = 9
+    networks[0].fit(inputs, labels)
+    networks[1].fit(inputs, labels, disturbed=disturbed_along(level, inputs))
+    weights = [network.score_layer.weight for network in networks]
+    torch.testing.assert_close(*weights)

@@ -85,9 +85,9 @@ def test_a_bank_is_cut_into_training_inputs(tmp_path):
 
 
 class Fitted(Loudness):
-    """One that is fitted at once, and takes pieces."""
+    """One that is fitted at once, and takes pieces and what is disturbed."""
 
-    def fit(self, inputs, labels, pieces): ...
+    def fit(self, inputs, labels, pieces, disturbed): ...
 
 
 def test_what_own_features_cannot_take_is_no_piece(tmp_path):
@@ -101,6 +101,32 @@ def test_what_own_features_cannot_take_is_no_piece(tmp_path):
     pieces = sense.bank(rows, store, FIT, size=6, seed=0, learn=True).pieces
     # a quarter is 300 samples, and a sixteenth less than the 100 of a frame
     assert [(number, x.shape) for number, x in pieces] == [(n, (1, 3)) for n in range(3)]
+
+
+def test_recordings_are_disturbed_as_often_as_they_are_many_of_any_length(tmp_path):
+    sense = SignalSense("touch", "force", SignalDecoder(RATE, RATE), Energy(), Fitted())
+    rng, lengths = np.random.default_rng(0), [90, 700, 12_000]  # no frame, several, beyond 10 s
+    rows = []
+    for number, length in enumerate([*lengths, *[800] * 47]):
+        path = tmp_path / f"{number}.npy"
+        np.save(path, rng.standard_normal(length).astype(np.float32))
+        rows.append(Recording("rough", "force", path, str(number)))
+    store = Store(tmp_path, {"force": sense.decoder})
+
+    def drawn(count: int, seed: int = 0) -> list:
+        bank = sense.bank(rows[1:count], store, FIT, size=6, seed=seed, learn=True)
+        return bank.disturbed
+
+    few = drawn(3)
+    assert len(few) == 3 * 2
+    assert [before.shape[-1] for before, _ in few] == [7] * 3 + [100] * 3
+    assert all(
+        x.shape[-1] in range(before.shape[-1] - 15, before.shape[-1] + 15) for before, x in few
+    )
+    assert not any(torch.equal(*pair) for pair in few)
+    torch.testing.assert_close(drawn(3), few)
+    assert not torch.equal(drawn(3, seed=1)[0][1], few[0][1])
+    assert len(drawn(50)) == 120
 
 
 def test_spectrograms_are_normalised_by_the_training_set(surfaces, tmp_path):

@@ -123,11 +123,12 @@ def shorter_trace(trace: Array, seconds: float, scene: Scene) -> Array:
 
 def frequency_response(trace: Array, decibel: float, scene: Scene) -> Array:
     """Amplify every octave by other decibels, of this deviation: another sensor, mount or tool."""
-    octaves = np.log2(np.arange(1, trace.shape[1] // 2 + 1))
+    octaves = np.log2(np.arange(1, max(2, trace.shape[1] // 2 + 1)))
     knots = np.arange(octaves[-1] // 1 + 2)
     decibels = np.interp(octaves, knots, scene.rng.normal(0, decibel, len(knots)))
-    gain = np.concatenate([[1.0], 10 ** (decibels / 20)])  # gravity is no vibration
-    return np.fft.irfft(np.fft.rfft(trace, axis=1) * gain, trace.shape[1], axis=1)
+    spectrum = np.fft.rfft(trace, axis=1)
+    spectrum[:, 1:] *= 10 ** (decibels[: spectrum.shape[1] - 1] / 20)  # gravity is no vibration
+    return np.fft.irfft(spectrum, trace.shape[1], axis=1)
 
 
 def narrower_band(trace: Array, share: float, scene: Scene) -> Array:

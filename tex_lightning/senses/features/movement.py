@@ -82,7 +82,8 @@ def block_power(trace: Tensor, length: int) -> Tensor:
     """Return the power (blocks,) of whole blocks of a signal (axes, samples), without means."""
     count = trace.shape[-1] // length
     blocks = trace[:, : count * length].reshape(trace.shape[0], count, length)
-    return blocks.var(dim=-1, correction=0).sum(dim=0)
+    around = blocks - blocks.mean(dim=-1, keepdim=True)  # much faster than torch.var
+    return around.square_().mean(dim=-1).sum(dim=0)
 
 
 def in_runs(quiet: Tensor, run: int) -> Tensor:

@@ -30,7 +30,7 @@ RANGES = 4  # of bands, each of which is a product of its own: low bands take fe
 BLOCK = (
     1 << 18
 )  # samples of the frames that are computed at once, about, so that they stay in cache
-MIN_BLOCK, MAX_BLOCK = 64, 256  # frames
+MIN_BLOCK, MAX_BLOCK = 64, 1024  # frames
 MAX_RECORDINGS = 2000  # that level and thresholds are learnt from, evenly spread over the training
 PARTS = 16  # fragments that rows are added to at once
 MAX_FRAMES = 50_000  # frames, about, that thresholds are learnt from: enough for quantiles
