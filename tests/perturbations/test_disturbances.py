@@ -54,14 +54,6 @@ def test_a_response_amplifies_octaves_and_keeps_the_mean():
     np.testing.assert_allclose(between, (decibels[:, 512] + decibels[:, 1024]) / 2, atol=0.1)
 
 
-def test_a_narrower_band_halves_the_amplitude_at_its_end():
-    time = np.arange(8000) / RATE
-    tone = np.sin(2 * np.pi * 250 * time)[None].astype(np.float32)
-    for share, kept in ((0.25, 0.5), (1.0, 16 / 17)):
-        changed = traces.narrower_band(tone, share, scene())
-        assert np.abs(changed).max() == pytest.approx(kept, rel=0.02)
-
-
 def test_a_hum_has_its_strength_and_at_most_six_lines():
     trace = noise(axes=1)
     hum = traces.hum_of_machines(trace, 15, scene(2)) - trace
@@ -71,12 +63,3 @@ def test_a_hum_has_its_strength_and_at_most_six_lines():
     lines = np.abs(frequencies / tone - np.round(frequencies / tone)) < 0.02
     assert 39 < tone < 71
     assert spectrum[lines & (frequencies < 6.5 * tone)].sum() > 0.99 * spectrum.sum()
-
-
-def test_a_swaying_force_amplifies_slowly_around_the_mean():
-    trace = 7 + np.resize([-1, 1], (1, 8000)).astype(np.float32)
-    gain = np.stack([traces.swaying_force(trace, 5, scene(seed))[0] - 7 for seed in range(20)])
-    decibels = 20 * np.log10(gain / (trace - 7))
-    knots = decibels[:, [0, -1]]
-    assert 3.5 < knots.std() < 6.5
-    assert np.abs(np.diff(decibels)).max() < 0.05

@@ -79,7 +79,7 @@ class LineFit:
         """Choose the settings with the smallest error on the parts that are left out.
 
         Then the changes are added. What is left out has none of them, and could not tell their
-        weight: it grows with the number of units, as the ridge falls with that of rows.
+        weight: it grows with the units of all classes, as the ridge falls with the number of rows.
 
         Args:
             subsets: Which features (D,) may be used together, 1 or 0 each.
@@ -88,8 +88,8 @@ class LineFit:
         best = min(tried, key=lambda choice: choice.error)
         if not len(self.ridge.changes):
             return best
-        units = len({*self.units.tolist()})
-        return self._tried(best.products, units * best.ridge, best.ridge)
+        units = count_units(self.ridge.labels, self.units, self.ridge.classes).sum()
+        return self._tried(best.products, float(units) * best.ridge, best.ridge)
 
     def _best_strength(self, products: Products) -> Choice:
         """Return the choice of strength with the smallest error, inside of what was tried."""

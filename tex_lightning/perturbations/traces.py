@@ -131,11 +131,6 @@ def frequency_response(trace: Array, decibel: float, scene: Scene) -> Array:
     return np.fft.irfft(spectrum, trace.shape[1], axis=1)
 
 
-def narrower_band(trace: Array, share: float, scene: Scene) -> Array:
-    """Apply a low pass at a share of the band."""
-    return low_pass(trace, share * scene.rate / 2, scene)
-
-
 def hum_of_machines(trace: Array, snr: float, scene: Scene) -> Array:
     """Add a tone of 40 to 70 Hz and its next five harmonics, of any strengths, to every axis."""
     tone, time = scene.rng.uniform(40, 70), np.arange(trace.shape[1]) / scene.rate
@@ -147,23 +142,11 @@ def hum_of_machines(trace: Array, snr: float, scene: Scene) -> Array:
     return trace + scaled(np.broadcast_to(wave, trace.shape), trace, snr)
 
 
-def swaying_force(trace: Array, decibel: float, scene: Scene) -> Array:
-    """Amplify every half second by other decibels, of this deviation, and between them evenly."""
-    knots = max(2, round(2 * trace.shape[1] / scene.rate))
-    places = np.linspace(0, knots - 1, trace.shape[1])
-    decibels = np.interp(places, np.arange(knots), scene.rng.normal(0, decibel, knots))
-    mean = trace.mean(axis=1, keepdims=True)
-    swayed: Array = mean + (trace - mean) * 10 ** (decibels / 20)
-    return swayed
-
-
 DISTURBANCES: tuple[tuple[Callable[[Array, float, Scene], Array], float, float], ...] = (
     (white_noise, 10, 35),  # dB
     (wrong_rate, -12, 12),  # per cent
     (frequency_response, 6, 6),  # dB
-    (narrower_band, 0.1, 1),
     (hum_of_machines, 10, 25),  # dB
-    (swaying_force, 5, 5),  # dB
 )
 
 
