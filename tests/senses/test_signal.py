@@ -11,6 +11,8 @@ from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
+from tex_lightning.networks.linear import LinearNet
+from tex_lightning.senses.features.proportions import BandProportions
 from tex_lightning.senses.signal import SignalSense
 
 RATE = 1000.0
@@ -139,3 +141,23 @@ def test_spectrograms_are_normalised_by_the_training_set(surfaces, tmp_path):
     torch.testing.assert_close(frames.mean(dim=1), torch.zeros(50), atol=1e-3, rtol=0)
     whole = sense(torch.from_numpy(np.array(store.load(rows[2]))))[0]
     torch.testing.assert_close(bank.inputs[2], whole)
+
+
+@pytest.mark.parametrize(("samples", "axes"), [(2000, 1), (20, 1), (2000, 2)])
+def test_a_check_refuses_what_band_proportions_would_and_computes_none(monkeypatch, samples, axes):
+    features = BandProportions(
+        sampling_rate=400, windows=[0.1], bands_per_octave=[3], thresholds=3, fragment_seconds=0.5,
+        skip_impact=True, levels=1,
+    )  # fmt: skip
+    network = LinearNet(3, bands=features.bands, blocks=features.blocks)
+    sense = SignalSense("touch", "force", SignalDecoder(400, 400), features, network)
+    x = torch.randn(axes, samples, generator=torch.Generator().manual_seed(0))
+    if samples > 20 and axes == 1:
+        monkeypatch.setattr(features, "describe", None)
+        sense.check(x)
+        return
+    with pytest.raises(UserError) as expected:
+        sense.positions(x, "fc3")
+    with pytest.raises(UserError) as caught:
+        sense.check(x)
+    assert str(caught.value) == str(expected.value)

@@ -21,10 +21,12 @@ from tex_lightning.data.decode import Array, SignalDecoder, read_trace
 from tex_lightning.data.recordings import Recording, plural
 from tex_lightning.data.store import Store, load_recording
 from tex_lightning.errors import UserError
+from tex_lightning.networks.linear import LinearNet
 from tex_lightning.perturbations.pixels import Scene
 from tex_lightning.perturbations.table import Augmentation
 from tex_lightning.perturbations.traces import disturbed
 from tex_lightning.senses.base import Change, Sense, as_tensor
+from tex_lightning.senses.features.proportions import BandProportions
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 from tex_lightning_runtime.quality import Quality, Ranges, limits, trace_measures, trace_quality
 from tex_lightning_runtime.resampling import to_rate
@@ -32,7 +34,7 @@ from tex_lightning_runtime.samples import Channels, as_trace
 
 log = logging.getLogger(__name__)
 EXAMPLE_SECONDS = 4
-PIECES = (0.25, 0.0625)  # of a recording, for scores of short ones
+PIECES = (1 / 4, 1 / 16)  # of a recording, for scores of short ones
 MAX_CUT = 600  # recordings of which there are pieces, or a few more: one of each class at least
 EACH_DISTURBED, MAX_DISTURBED = 3, 120  # times a recording is disturbed at most, and in all
 MAX_SECONDS = 10  # of a recording that is disturbed
@@ -69,6 +71,13 @@ class SignalSense(Sense):
     def tells_input_size(self) -> bool:
         """Whether the features are a spectrogram or a baseline's, whose length can be counted."""
         return self.spectrogram is not None or hasattr(self.features, "counts_samples")
+
+    def check(self, recording: Tensor | Array) -> None:
+        """Reject a decoded recording that is too short; see the base class."""
+        if isinstance(self.features, BandProportions) and isinstance(self.network, LinearNet):
+            self.features.checked(as_tensor(recording))  # whatever has features has scores
+        else:
+            super().check(recording)
 
     def check_input(self, height: int, width: int) -> None:
         """Reject a spectrogram that is too short for one fragment; see the base class."""

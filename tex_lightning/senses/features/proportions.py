@@ -370,12 +370,20 @@ class BandProportions(nn.Module):
         Raises:
             UserError: If it is too short, or does not have the channels whose level counts.
         """
+        return self.describe(self.checked(trace))
+
+    def checked(self, trace: Tensor) -> Tensor:
+        """Return the movement in a trace that has features, which are not computed.
+
+        Raises:
+            UserError: As :meth:`forward`.
+        """
         if self.levels and len(trace) != self.levels:
             raise UserError(
                 f"The signal has {len(trace)} channels, and this network was trained on "
                 f"{self.levels}; give a recording of the same sensor."
             )
-        return self.describe(self.movement(trace))
+        return self.movement(trace)
 
     def describe(self, movement: Tensor) -> Tensor:
         """Map a movement (axes, samples) that was cut out to the same features."""
