@@ -137,7 +137,7 @@ class SignalSense(Sense):
         if "pieces" in taken and getattr(self.network, "cuts", True):
             bank.pieces = [*self._pieces(rows, store, seed)]
         if "disturbed" in taken:
-            bank.disturbed = [*self._disturbed(rows, store, seed)]
+            bank.disturbed = [*self._disturbed(rows, store, seed, raw)]
         return bank
 
     def _pieces(
@@ -159,23 +159,26 @@ class SignalSense(Sense):
                     yield number, self._normalised(piece)
 
     def _disturbed(
-        self, rows: Sequence[Recording], store: Store, seed: int
+        self, rows: Sequence[Recording], store: Store, seed: int, raw: Sequence[Tensor]
     ) -> Iterator[tuple[Tensor, Tensor]]:
         """Yield inputs of stretches of some recordings, and of the same disturbed.
 
-        Recordings are evenly spread, and so are the kinds of disturbance.
+        Recordings are evenly spread, and so are the kinds of disturbance. ``raw`` are the features
+        of whole recordings, before normalisation.
         """
         rate = self.decoder.sampling_rate
         count, most = min(MAX_DISTURBED, EACH_DISTURBED * len(rows)), round(MAX_SECONDS * rate)
         for number in range(count):
             rng = np.random.default_rng([seed, 1, number])
-            recording = load_recording(rows[number * len(rows) // count], store)
+            index = number * len(rows) // count
+            recording = load_recording(rows[index], store)
             start = int(rng.integers(max(0, recording.shape[-1] - most) + 1))
             stretch = recording[:, start : start + most]
             changed = torch.from_numpy(disturbed(stretch.numpy(), number, Scene(rng, rate)))
             with suppress(UserError, RuntimeError, ValueError):  # as of pieces
-                before, after = (self._normalised(self._raw(x)) for x in (stretch, changed))
-                yield before, after
+                whole = stretch.shape == recording.shape
+                before = raw[index] if whole else self._raw(stretch)
+                yield self._normalised(before), self._normalised(self._raw(changed))
 
     @torch.no_grad()
     def _raw(self, recording: Tensor) -> Tensor:
