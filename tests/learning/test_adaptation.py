@@ -183,6 +183,18 @@ def test_what_a_checkpoint_keeps_fits_the_new_network(classifier):
     assert right(again.classifier.network, inputs, labels) == after
 
 
+def test_what_scores_short_recordings_does_not_score_whole_ones(classifier):
+    """The mean of a recording is one fragment, and would be taken for a short one."""
+    other = deepcopy(classifier)
+    line = {"weight": torch.zeros(CLASSES, BANDS, 1, 1), "bias": torch.eye(CLASSES)[0]}
+    other.network.head.scores.short.take({**line, "most": torch.tensor(2.0)})
+    inputs, labels = recordings(dict.fromkeys(EVERY, 30))
+    for one in (classifier, other):
+        found = adapt(one, embeddings(one.network, inputs))
+        assert right(found.classifier.network, inputs, labels) == len(labels)
+    assert other.network.head.scores.short.in_use
+
+
 def test_what_cannot_be_fitted_again_is_said(classifier):
     def refused(other, said):
         with pytest.raises(UserError, match=said):

@@ -288,29 +288,6 @@ def test_scores_hardly_follow_what_disturbs_and_classes_are_told_apart_as_well()
         assert np.mean(np.array(found) == truth.numpy()) > 0.95
 
 
-def test_disturbances_are_kept_for_the_next_fit_unless_rows_are_not(tmp_path):
-    inputs, labels = recordings(4)
-    pairs = disturbed_along(torch.eye(BANDS)[0], inputs)
-    first, given, without = (LinearNet(CLASSES, bands=BANDS) for _ in range(3))
-    first.fit(inputs, labels, disturbed=pairs)
-    loaded = LinearNet(CLASSES, bands=BANDS)
-    loaded.load_state_dict(first.state_dict())
-    more, kinds = recordings(6)
-    loaded.fit(more, kinds)
-    given.fit(more, kinds, disturbed=pairs)
-    without.fit(more, kinds)
-    torch.testing.assert_close(loaded.score_layer.weight, given.score_layer.weight)
-    assert not torch.allclose(without.score_layer.weight, given.score_layer.weight, rtol=1e-2)
-    loaded.fit(more, kinds, disturbed=[])
-    torch.testing.assert_close(loaded.score_layer.weight, without.score_layer.weight)
-    spare = LinearNet(CLASSES, bands=BANDS, keep_rows=False)
-    spare.fit(inputs, labels, disturbed=pairs)
-    torch.testing.assert_close(spare.score_layer.weight, first.score_layer.weight)
-    assert not spare.disturbances.in_use
-    old = {name: x for name, x in first.state_dict().items() if "disturbances" not in name}
-    LinearNet(CLASSES, bands=BANDS).load_state_dict(old)
-
-
 def test_levels_may_follow_what_disturbs():
     """A level is brought to equal scatter by the training, and has no place among changes."""
     inputs, labels = recordings(5)

@@ -23,7 +23,7 @@ from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.classifier.training_rows import TrainingRows
 from tex_lightning.errors import UserError
 from tex_lightning.learning.statistics import statistics_with_reach
-from tex_lightning.networks.line import RangeGate
+from tex_lightning.networks.line import SHORT, RangeGate
 from tex_lightning.networks.linear import LinearNet
 
 SHARES = (0.25, 0.5)  # of the recordings of a class, the surest, that are taught in each round
@@ -181,7 +181,8 @@ class _Student:
         self.single = bool(counts.median() < 2)  # recordings, or what was recorded together
         self.known = _inputs(network, rows.features)
         self.others = _inputs(network, embeddings)
-        _gate(network).fragments.fill_(1)  # whole recordings are looked at
+        _gate(network).fragments.fill_(1)  # whole recordings are looked at, as one fragment each
+        network.head.scores.get_submodule(SHORT).take(None)  # type: ignore[operator]
 
     def learn(self) -> _Lesson:
         """Fit the network again, and say why that should not be used, if so."""

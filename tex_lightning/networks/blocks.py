@@ -244,11 +244,11 @@ class FittedLater(nn.Module):
     Until then they take no room in a checkpoint.
 
     Args:
-        names: Names of the buffers.
-        classes: Number of classes, of which the first buffer has a row each; None of others.
+        names: Names of the buffers, of which the first has a row for each class.
+        classes: Number of classes.
     """
 
-    def __init__(self, names: Sequence[str], classes: int | None = None) -> None:
+    def __init__(self, names: Sequence[str], classes: int) -> None:
         super().__init__()
         self.names, self.classes = tuple(names), classes
         for name in names:
@@ -268,7 +268,7 @@ class FittedLater(nn.Module):
     def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *rest: Any) -> None:  # noqa: ANN401
         """Take the sizes of what is loaded; checkpoints of before have none."""
         given = [state.setdefault(prefix + name, torch.zeros(0)) for name in self.names]
-        if self.classes and given[0].numel() and len(given[0]) != self.classes:
+        if given[0].numel() and len(given[0]) != self.classes:
             first = f"{prefix}{self.names[0]}"
             rest[-1].append(f"{first} are of {len(given[0])} classes, not {self.classes}.")
             return

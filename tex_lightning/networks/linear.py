@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.core.groups import PARTS, leave_out, left_out_units
-from tex_lightning.networks.blocks import FittedLater, Head, Level
+from tex_lightning.networks.blocks import Head, Level
 from tex_lightning.networks.choice import (
     SHARPNESS,
     LineFit,
@@ -88,8 +88,8 @@ class LinearNet(nn.Module):
             chooses it.
         shrinkage: How far the scatter of scores within classes is taken for equal in every
             direction: the fewer rows there are for each class, the further.
-        keep_rows: Whether a checkpoint keeps the mean features of the training recordings, and how
-            they change when disturbed, from which task=adapt fits the network again.
+        keep_rows: Whether a checkpoint keeps the mean features of the training recordings, from
+            which task=adapt fits the network again.
 
     Example:
         >>> import torch
@@ -131,7 +131,6 @@ class LinearNet(nn.Module):
         self.register_buffer("scale", torch.ones(bands, 1, 1))
         self.register_buffer("whitening", torch.eye(self.levels))
         self.head = Head(nn.Sequential(), bands, classes, dropout=0)
-        self.disturbances = FittedLater(("changes",))
         gate = RangeGate(self._gated([-1] * bands if bins is None else bins))
         self.head.scores = LineOrPlanes(gate, self.score_layer)
 
@@ -187,7 +186,7 @@ class LinearNet(nn.Module):
         groups: Sequence[str] | None = None,
         recordings: Sequence[int] | None = None,
         pieces: Sequence[tuple[int, Tensor]] = (),
-        disturbed: Sequence[Pair] | None = None,
+        disturbed: Sequence[Pair] = (),
     ) -> None:
         """Fit the scores to all training recordings at once.
 
@@ -203,7 +202,7 @@ class LinearNet(nn.Module):
                 another.
             pieces: Numbers of inputs, and the features (1, D, L) of a short piece of each.
             disturbed: Features (1, D, L) of recordings, and of the same with a change that changes
-                no class; None takes those of the fit before.
+                no class.
         """
         counted = recordings or range(len(labels))
         given = labels = labels.cpu()
@@ -245,7 +244,7 @@ class LinearNet(nn.Module):
         most = int(usual * SHORT_PART)
         self._fit_short(inputs, given, groups, counted, pieces, disturbed, most)
 
-    def _changes(self, disturbed: Sequence[Pair] | None, scale: Tensor) -> Tensor:
+    def _changes(self, disturbed: Sequence[Pair], scale: Tensor) -> Tensor:
         """Return by how much disturbed rows differ, each of length one: (changes, D).
 
         Kinds of disturbance count alike then, whether they are strong or weak. Levels, which a
@@ -255,14 +254,10 @@ class LinearNet(nn.Module):
             disturbed: As of :meth:`fit`.
             scale: By which features are multiplied (D,).
         """
-        if disturbed is not None:
-            pairs = [[x[0].mean(dim=1) for x in pair] for pair in disturbed]
-            found = [after - before for before, after in pairs]
-            self.disturbances.take({"changes": torch.stack(found)} if found else None)
-        changes: Tensor = self.disturbances.get_buffer("changes").double().cpu()
-        changes = changes.reshape(-1, len(scale)) * scale
-        if not self.keep_rows:
-            self.disturbances.take(None)
+        pairs = [[x[0].double().cpu().mean(dim=1) for x in pair] for pair in disturbed]
+        changes = torch.zeros(len(pairs), len(scale)).double()
+        for row, (before, after) in zip(changes, pairs, strict=True):
+            row.copy_((after - before) * scale)
         changes[:, len(scale) - self.levels :] = 0
         lengths = changes.norm(dim=1)
         unit: Tensor = changes[lengths > 0] / lengths[lengths > 0, None]
@@ -321,7 +316,7 @@ class LinearNet(nn.Module):
         groups: Sequence[str] | None,
         recordings: Sequence[int],
         pieces: Sequence[tuple[int, Tensor]],
-        disturbed: Sequence[Pair] | None,
+        disturbed: Sequence[Pair],
         most: int,
     ) -> None:
         """Fit the line of short recordings to pieces of recordings beside the whole ones.
@@ -345,7 +340,7 @@ class LinearNet(nn.Module):
         numbers, features = [number for number, _ in rows], [x for _, x in rows]
         other = LinearNet(
             self.classes, bands=len(self.mean), blocks=self.blocks, strength=self.strength,
-            shrinkage=self.shrinkage, keep_rows=False,
+            shrinkage=self.shrinkage,
         )  # fmt: skip
         other.fit(
             features, labels[numbers], groups and [groups[number] for number in numbers],
