@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from tex_lightning.networks.line import RangeGate
 from tex_lightning.networks.linear import LinearNet
 
 CLASSES, BANDS = 3, 12
@@ -243,7 +244,7 @@ def test_short_recordings_are_scored_by_a_fit_to_pieces_too_and_long_ones_as_wit
     rows = [inputs[number] for number in numbers] + [x for _, x in pieces]
     both.fit(rows, labels[numbers * 2], recordings=numbers * 2)
     unseen = recordings(8)[0][-1][None]
-    for fragments, expected in ((1, both), (3, both), (5, without)):
+    for fragments, expected in ((1, both), (4, both), (5, without)):
         x = torch.cat([unseen] * 2, dim=3)[..., :fragments]
         torch.testing.assert_close(cut(x), expected(x), rtol=1e-3, atol=1e-3)
     torch.testing.assert_close(without(unseen[..., :1]), without(unseen)[..., :1])
@@ -299,3 +300,14 @@ def test_levels_may_follow_what_disturbs():
     networks[1].fit(inputs, labels, disturbed=disturbed_along(level, inputs))
     weights = [network.score_layer.weight for network in networks]
     torch.testing.assert_close(*weights)
+
+
+def test_a_group_is_out_of_range_from_its_limit_on_and_sooner_in_long_recordings():
+    gate = RangeGate(torch.tensor([[True, True, False, False], [False, False, True, False]]))
+    gate.limits.copy_(torch.tensor([25.0, 4.0]))
+    x = torch.tensor([3.0, 3.9, 2.1, 50.0])[None, :, None, None]  # squared lengths 24.2 and 4.4
+    assert gate(x)[0, :, 0, 0].tolist() == pytest.approx([3.0, 3.9, 0.0, 50.0])
+    assert torch.equal(gate(x * 0.95), x * 0.95)
+    gate.fragments.fill_(2)  # the mean of one varies twice as much as that of two
+    assert torch.equal(gate(x), x)
+    assert gate(x.expand(1, 4, 1, 2))[0, :, 0, 1].tolist() == pytest.approx([3.0, 3.9, 0.0, 50.0])

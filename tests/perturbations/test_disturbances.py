@@ -63,3 +63,13 @@ def test_a_hum_has_its_strength_and_at_most_six_lines():
     lines = np.abs(frequencies / tone - np.round(frequencies / tone)) < 0.02
     assert 39 < tone < 71
     assert spectrum[lines & (frequencies < 6.5 * tone)].sum() > 0.99 * spectrum.sum()
+
+
+def test_a_hum_has_no_line_beyond_half_the_rate():
+    trace = noise(axes=1)
+    assert traces.hum_of_machines(trace, 15, scene(2, 80.0)) is trace
+    slow = traces.hum_of_machines(trace, 15, scene(2, 100.0)) - trace
+    frequencies, spectrum = periodogram(slow[0], 100.0, window="hann")
+    near = np.abs(frequencies - frequencies[spectrum.argmax()]) < 0.2
+    assert 39 < frequencies[spectrum.argmax()] < 50
+    assert spectrum[near].sum() > 0.99 * spectrum.sum()
