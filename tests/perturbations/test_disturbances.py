@@ -56,7 +56,7 @@ def test_a_response_amplifies_octaves_and_keeps_the_mean():
 
 def test_a_hum_has_its_strength_and_at_most_six_lines():
     trace = noise(axes=1)
-    hum = traces.hum_of_machines(trace, 15, scene(2)) - trace
+    hum = traces.hum_with_harmonics(trace, 15, scene(2)) - trace
     assert 10 * np.log10(trace.var() / hum.var()) == pytest.approx(15, abs=0.3)
     frequencies, spectrum = periodogram(hum[0], RATE, window="hann")
     tone = frequencies[:280][spectrum[:280].argmax()]  # below 70 Hz
@@ -67,8 +67,8 @@ def test_a_hum_has_its_strength_and_at_most_six_lines():
 
 def test_a_hum_has_no_line_beyond_half_the_rate():
     trace = noise(axes=1)
-    assert traces.hum_of_machines(trace, 15, scene(2, 80.0)) is trace
-    slow = traces.hum_of_machines(trace, 15, scene(2, 100.0)) - trace
+    assert traces.hum_with_harmonics(trace, 15, scene(2, 80.0)) is trace
+    slow = traces.hum_with_harmonics(trace, 15, scene(2, 100.0)) - trace
     frequencies, spectrum = periodogram(slow[0], 100.0, window="hann")
     near = np.abs(frequencies - frequencies[spectrum.argmax()]) < 0.2
     assert 39 < frequencies[spectrum.argmax()] < 50

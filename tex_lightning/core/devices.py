@@ -104,6 +104,14 @@ def has_to_repeat(x: torch.Tensor) -> bool:
     return x.device.type != "cpu" and torch.are_deterministic_algorithms_enabled()
 
 
+def is_at_hand(x: torch.Tensor) -> bool:
+    """Return whether values can be looked at in passing: on a CPU, and in no export.
+
+    Elsewhere a decision by them would wait for the device.
+    """
+    return x.device.type == "cpu" and not torch.compiler.is_exporting()
+
+
 def use_tf32(allowed: bool) -> None:
     """Set whether NVIDIA GPUs round the factors of fp32 products to 10 bits (TF32).
 

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import conv2d
 
+from tex_lightning.core.devices import is_at_hand
 from tex_lightning.networks.blocks import FittedLater
 from tex_lightning.networks.planes import ClassPlanes
 
@@ -56,7 +57,7 @@ class RangeGate(nn.Module):
     def lengths(self, x: Tensor) -> Tensor:
         """Return squared lengths (B, groups) of the mean of features (B, D, positions...)."""
         squares = x.flatten(2).mean(dim=2).square()
-        if not _waits_for_nothing(x):
+        if not is_at_hand(x):
             lengths: Tensor = squares @ self.member.to(x.dtype).T
             return lengths
         sums = squares.new_zeros(len(squares), len(self.limits))
@@ -72,16 +73,11 @@ class RangeGate(nn.Module):
         mean, count = (x, x[0, 0].numel()) if whole is None else whole
         limits = self.limits * (self.fragments / count).clamp_min(1)
         far = self.lengths(mean) > limits
-        if _waits_for_nothing(x) and not far.any():
+        if is_at_hand(x) and not far.any():
             return x
         outside = far.to(x.dtype) @ self.member.to(x.dtype)
         inside: Tensor = x * (1 - outside.clamp(max=1))[:, :, None, None]
         return inside
-
-
-def _waits_for_nothing(x: Tensor) -> bool:
-    """Return whether values can be looked at in passing: on a CPU, and in no export."""
-    return x.device.type == "cpu" and not torch.compiler.is_exporting()
 
 
 class ShortLine(FittedLater):

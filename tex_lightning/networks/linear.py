@@ -50,12 +50,11 @@ class LinearNet(nn.Module):
     score of a mean is the mean of the scores, so averaging the fragments' scores is the same as
     classifying the whole recording.
 
-    Features of the kind ``level`` are brought to equal scatter within
-    the classes before the ridge, and its scores become linear discriminants (Fisher 1936; Hastie et
-    al. 1994, Flexible discriminant analysis): distances to the classes' mean scores in units of the
-    scatter within classes, which is shrunk towards equal scatter. New recordings have smaller
-    scores of a class the fewer it was fitted to, so that these are scaled by the reliability of a
-    mean of so many.
+    Features of the kind ``level`` are brought to equal scatter within the classes before the ridge,
+    and its scores become linear discriminants (Fisher 1936; Hastie et al. 1994, Flexible
+    discriminant analysis): distances to the classes' mean scores in units of the scatter within
+    classes, which is shrunk towards equal scatter. New recordings have smaller scores of a class
+    the fewer it was fitted to, so that these are scaled by the reliability of a mean of so many.
 
     The strength of the ridge, and whether blocks of the kinds ``power`` and ``axes`` are used, are
     chosen on the training recordings: by the squared error on groups of them that are left out of

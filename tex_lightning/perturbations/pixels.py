@@ -5,6 +5,7 @@ done as there, but for any size of photo. Results are floats in 0 to 255 or uint
 rounds them.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +28,9 @@ class Scene:
 
     rng: np.random.Generator
     rate: float
+
+
+Function = Callable[[Array, float, Scene], Array]
 
 
 def power(trace: Array) -> float:

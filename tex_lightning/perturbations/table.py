@@ -1,7 +1,7 @@
 """All perturbations by name, with their scales from ``severities.yaml``, and training on them."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -21,14 +21,12 @@ from tex_lightning.core.contract import (
 )
 from tex_lightning.errors import UserError, reason
 from tex_lightning.perturbations import pixels, traces
-from tex_lightning.perturbations.pixels import Array, Scene
+from tex_lightning.perturbations.pixels import Array, Function, Scene
 from tex_lightning_runtime.files import require_file
 
 SEVERITIES = (1, 2, 3, 4, 5)
 MAX_LEVEL = 1e30  # of a level; recordings are float32
 SCALES = Path(__file__).with_name("severities.yaml")
-
-Function = Callable[[Array, float, Scene], Array]
 
 
 @dataclass(frozen=True)

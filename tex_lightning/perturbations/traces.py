@@ -4,13 +4,12 @@ Signals are (axes, samples) float32 at a known rate. SNR in dB is 10 log10 of th
 signal, without its mean, over that of the disturbance.
 """
 
-from collections.abc import Callable
 from fractions import Fraction
 
 import numpy as np
 import scipy  # whose parts are loaded when they are used
 
-from tex_lightning.perturbations.pixels import Array, Scene, power, scaled
+from tex_lightning.perturbations.pixels import Array, Function, Scene, power, scaled
 
 
 def white_noise(trace: Array, snr: float, scene: Scene) -> Array:
@@ -131,7 +130,7 @@ def frequency_response(trace: Array, decibel: float, scene: Scene) -> Array:
     return np.fft.irfft(spectrum, trace.shape[1], axis=1)
 
 
-def hum_of_machines(trace: Array, snr: float, scene: Scene) -> Array:
+def hum_with_harmonics(trace: Array, snr: float, scene: Scene) -> Array:
     """Add a tone of 40 to 70 Hz and its next five harmonics, of any strengths, to every axis."""
     tone, time = scene.rng.uniform(40, 70), np.arange(trace.shape[1]) / scene.rate
     orders = [order for order in range(1, 7) if order * tone < scene.rate / 2]
@@ -142,11 +141,11 @@ def hum_of_machines(trace: Array, snr: float, scene: Scene) -> Array:
     return trace + scaled(np.broadcast_to(wave, trace.shape), trace, snr)
 
 
-DISTURBANCES: tuple[tuple[Callable[[Array, float, Scene], Array], float, float], ...] = (
+DISTURBANCES: tuple[tuple[Function, float, float], ...] = (
     (white_noise, 10, 35),  # dB
     (wrong_rate, -12, 12),  # per cent
     (frequency_response, 6, 6),  # dB
-    (hum_of_machines, 10, 25),  # dB
+    (hum_with_harmonics, 10, 25),  # dB
 )
 
 

@@ -169,7 +169,7 @@ class SignalSense(Sense):
         rate = self.decoder.sampling_rate
         count, most = min(MAX_DISTURBED, EACH_DISTURBED * len(rows)), round(MAX_SECONDS * rate)
         for number in range(count):
-            rng = np.random.default_rng([seed, 1, number])
+            rng = np.random.default_rng([seed, 1, number])  # pieces have [seed, number]
             index = number * len(rows) // count
             recording = load_recording(rows[index], store)
             start = int(rng.integers(max(0, recording.shape[-1] - most) + 1))

@@ -15,6 +15,7 @@ import scipy  # whose parts are loaded when they are used
 import torch
 from torch import Tensor, nn
 
+from tex_lightning.core.devices import is_at_hand
 from tex_lightning.errors import UserError
 from tex_lightning.senses.features.movement import block_length, moving
 from tex_lightning.senses.features.spectrogram import MAX_WINDOW, mean_filters, triangles
@@ -545,9 +546,8 @@ def without_empty(logs: Tensor, usual: Tensor, depth: Tensor) -> Tensor:
         depth: How far below a band is empty if those above are, (bands,).
     """
     mean = logs.mean(dim=2, keepdim=True) - usual.mean()
-    on_cpu = logs.device.type == "cpu" and not torch.compiler.is_exporting()
     highest = logs[..., -1:] - usual[-1] - mean
-    if on_cpu and bool((highest > -depth[-1]).all()):  # elsewhere that would be waited for
+    if is_at_hand(logs) and bool((highest > -depth[-1]).all()):
         return logs
     apart = logs - usual
     heard = apart - mean > -depth
