@@ -76,6 +76,11 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(group):
     [
         # Hydra's and OmegaConf's
         (["model=hptic"], "model=hptic does not exist (did you mean haptic?)"),
+        (
+            ["experiment=few/haptc"],
+            "experiment=few/haptc does not exist (did you mean few/haptic?)",
+        ),
+        (["experiment=few_haptic"], "(did you mean few/haptic?); choose one of best/fusion, "),
         (["model=haptic_bands"], "it is called model=band_proportions now."),
         (["sense@model.haptic=bands"], "it is called sense=band_proportions now."),
         (["task=crossval", "crossval.only=0,1"], "Ambiguous value for argument"),

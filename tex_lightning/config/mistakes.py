@@ -10,7 +10,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
-from tex_lightning.config import CONF
+from tex_lightning.config import CONF, variants
 from tex_lightning.config.keys import nearest
 from tex_lightning.errors import UserError, shorten
 
@@ -33,9 +33,15 @@ def explain(error: Exception) -> UserError:
             "put quotes of two kinds around a value with spaces or signs, as in "
             "'haptic=\"my file (1).wav\"'."
         )
-    group, _, option = str(getattr(error, "missing_cfg_file", "")).rpartition("/")
+    wrong = str(getattr(error, "missing_cfg_file", ""))
+    group, _, option = wrong.rpartition("/")
     if isinstance(error, MissingConfigException) and group:
         options = error.options or [file.stem for file in (CONF / group).glob("*.yaml")]
+        if not options:  # an experiment, whose name has a folder, as in few/haptic
+            group, _, option = wrong.partition("/")
+            files = [x.relative_to(CONF).with_suffix("") for x in (CONF / group).rglob("*.yaml")]
+            names = [*variants(), *(file.as_posix() for file in files)]
+            options = [x.removeprefix(f"{group}/") for x in names if x.startswith(f"{group}/")]
         if name := RENAMED.get((group, option)):
             return UserError(f"{group}={option} does not exist: it is called {group}={name} now.")
         return UserError(
