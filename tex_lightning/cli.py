@@ -301,13 +301,13 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
         UserError: If the configuration or what it names cannot be used.
     """
     config = checked_config(composed)  # what is wrong with it is said before PyTorch is imported
-    from tex_lightning.data.own_defaults import settled
+    from tex_lightning.data.derived_settings import derive_settings
     from tex_lightning.report.sweep import runs_side_by_side
 
     Screen.sweep = job.origin == "sweep"
     several = Screen.sweep and runs_side_by_side(job.hydra)
     Screen.job = f"Job {job.hydra.hydra.job.num}: " if several else ""
-    config, composed, job = settled(config, composed, job)
+    config, composed, job = derive_settings(config, composed, job)
     if config.checkpoint is not None:
         config = replace(config, checkpoint=str(find_checkpoint(config.checkpoint)))
     trust(*config.trusted, *named_classes(config.model.nodes))

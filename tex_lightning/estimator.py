@@ -41,7 +41,7 @@ from tex_lightning.core.console import messages, verbosity
 from tex_lightning.core.progress import finishing
 from tex_lightning.core.ranks import joining
 from tex_lightning.core.run_folder import checkpoint_of
-from tex_lightning.data.own_defaults import settled
+from tex_lightning.data.derived_settings import derive_settings
 from tex_lightning.data.readers.arrays import (
     MANIFEST,
     Given,
@@ -160,7 +160,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             known = None if groups is None else _groups(groups, len(samples))
             write_samples(samples, labels, known, folder)
             job = Job(tuple(overrides), folder, "python", True, (), OmegaConf.create({"hydra": {}}))
-            config, _, job = settled(config, composed, job)
+            config, _, job = derive_settings(config, composed, job)
             classifier = self._train(config, job)
             self.classes_, self.predictor_ = classes, Predictor(classifier, config)
         return self

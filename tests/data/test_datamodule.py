@@ -79,7 +79,7 @@ def test_a_whole_sample_has_the_recordings_of_all_its_modalities(surfaces, tmp_p
     item = whole[12]
     assert (item["label"], item["recordings"].keys()) == (1, {"haptic", "image"})
     for modality, recording in item["recordings"].items():
-        expected, _ = decoders[modality].decode(samples[12].recordings[modality].path)
+        expected = decoders[modality].decode(samples[12].recordings[modality].path).array
         np.testing.assert_array_equal(recording.numpy(), expected)
 
 

@@ -45,7 +45,7 @@ def test_channels_are_chosen_by_number(tmp_path):
     write_csv(tmp_path / "t.csv", timed.T, header="time,x,y,z")
     for path in sorted(tmp_path.iterdir()):
         for channels in ((2,), (2, 0)):
-            chosen, _ = SignalDecoder(channels=channels).decode(path)
+            chosen = SignalDecoder(channels=channels).decode(path).array
             np.testing.assert_allclose(chosen, AXES[list(channels)], rtol=1e-5)
         with pytest.raises(UserError, match=r"has 3 channels, and data.channels names 3, counted"):
             SignalDecoder(channels=(0, 3)).decode(path)

@@ -44,7 +44,7 @@ def timed(times, form="%.9g", mark=",", name="time,x,y,z"):
     ],
 )
 def test_dialects_give_the_same_axes(tmp_path, text, encoding):
-    trace, source = SAME.decode(write(tmp_path, text, encoding))
+    trace, source, _ = SAME.decode(write(tmp_path, text, encoding))
     np.testing.assert_allclose(trace, AXES, rtol=1e-5)
     assert source == SAME.file_rate
 
@@ -65,7 +65,7 @@ def test_dialects_give_the_same_axes(tmp_path, text, encoding):
 )
 def test_a_column_of_time_gives_the_rate_and_is_no_axis(tmp_path, name, scale):
     path = write(tmp_path, timed(TIMES * scale + 40 * scale, name=name))
-    trace, source = SignalDecoder(RATE, file_rate=77_000).decode(path)
+    trace, source, _ = SignalDecoder(RATE, file_rate=77_000).decode(path)
     assert source == pytest.approx(RATE, rel=1e-9)
     np.testing.assert_allclose(trace, AXES, rtol=1e-5)
     assert SignalDecoder(4 * RATE).decode(path)[0].shape == (3, 800)
@@ -74,7 +74,7 @@ def test_a_column_of_time_gives_the_rate_and_is_no_axis(tmp_path, name, scale):
 def test_without_a_name_of_time_what_rises_is_an_axis(tmp_path):
     for name in ("", "force plate", "position,x,y,z", "# mm, N"):
         path = write(tmp_path, timed(TIMES, name=name))
-        trace, source, reading = SAME.read(path)
+        trace, source, reading = SAME.decode(path)
         np.testing.assert_allclose(trace, [TIMES, *AXES], rtol=1e-5, atol=1e-9)
         assert (source, reading.rate_from) == (RATE, "data.file_rate")
         assert "rises evenly and is read as an axis; if it is time" in reading.notes[0]
@@ -87,7 +87,7 @@ def test_jitter_and_gaps_are_interpolated_to_the_usual_rate(tmp_path, rate, lost
     times = (kept + RNG.uniform(-0.2, 0.2, len(kept))) / rate
     wave = np.sin(2 * np.pi * rate / 150 * times)
     path = write(tmp_path, "time,x\n" + lines(np.stack([times, wave]), form="%.9g"))
-    (trace,), source, reading = SignalDecoder(rate).read(path)
+    (trace,), source, reading = SignalDecoder(rate).decode(path)
     assert source == pytest.approx(rate, rel=1e-3)
     assert len(trace) == pytest.approx(6000, abs=5)
     grid = times[0] + np.arange(len(trace)) / rate

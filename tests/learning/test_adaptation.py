@@ -11,8 +11,7 @@ from torch import nn
 
 from tex_lightning.classifier.card import NOVELTIES
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.classifier.statistics import FeatureStatistics
-from tex_lightning.classifier.training_rows import TrainingRows
+from tex_lightning.classifier.statistics import FeatureStatistics, TrainingRows
 from tex_lightning.errors import UserError
 from tex_lightning.learning.adaptation import _doubt, adapt
 from tex_lightning.networks.linear import LinearNet

@@ -17,7 +17,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import compose_config, read_config
 from tex_lightning.core.run_folder import checkpoint_of
-from tex_lightning.learning.recipe import complete_recipe
+from tex_lightning.learning.provenance import complete_recipe
 from tex_lightning.learning.train import Training, train_networks
 from tex_lightning.studies.dataset import Dataset
 from tex_lightning.studies.fold import open_training, train_model

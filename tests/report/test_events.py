@@ -14,7 +14,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from tensorboard.plugins.projector.projector_config_pb2 import ProjectorConfig
 
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
-from tex_lightning.report.gallery import figure_pieces
+from tex_lightning.report.gallery import figure_artifacts
 from tex_lightning.studies.evaluate_checkpoint import draw_figures
 
 
@@ -213,6 +213,6 @@ def test_calibration_is_shown_of_fifty_samples(count, tmp_path):
         for n in range(count)
     ]
     draw_figures(outcomes, ["a", "b"], "haptic", tmp_path)
-    tags = [picture.tag for picture in figure_pieces(tmp_path, "haptic")]
+    tags = [picture.tag for picture in figure_artifacts(tmp_path, "haptic")]
     assert ("reliability/recordings" in tags) == (count == 50)
     assert "confusion/fragments" in tags

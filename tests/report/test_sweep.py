@@ -13,7 +13,7 @@ from omegaconf import OmegaConf
 
 from tex_lightning.evaluation.outcomes import Outcome, summarise, write_outcomes
 from tex_lightning.report.sweep import SweepSummary
-from tex_lightning.report.sweep_charts import draw_sweep, key_figure
+from tex_lightning.report.sweep_summary import draw_sweep, key_figure
 from tex_lightning.report.trials import shown_rows, sweep_rows, sweep_table
 
 

@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from tex_lightning.classifier.card import Card, read_checkpoint, reading
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config.instantiation import (
-    OWN,
+    PACKAGE,
     TARGET,
     make,
     make_value,
@@ -51,7 +51,7 @@ def make_baseline(name: str, node: Mapping[str, Any], budget: float) -> "Baselin
     try:
         baseline: Baseline = make(WHERE, node)
     except ModuleNotFoundError as error:
-        if not node[TARGET].startswith(OWN):  # whose author reads the traceback
+        if not node[TARGET].startswith(PACKAGE):  # whose author reads the traceback
             raise
         raise UserError(
             f"model={name} needs {error.name}, which is not installed; run: "

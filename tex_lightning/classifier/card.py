@@ -76,12 +76,12 @@ class Card:
             empty for this package's networks.
         calibration: What was set on the validation fold: ``temperature`` of the probabilities, and
             by sense the ``novelties`` of known samples
-            (:mod:`~tex_lightning.learning.statistics`). What cannot be set is not there.
+            (:mod:`~tex_lightning.learning.finish`). What cannot be set is not there.
         trained_on: ``seen``, digests of the recordings behind the weights, to refuse testing on
             them, and the keys of ``data`` that say on which fold they may be tested; ``trunks``,
             what each trunk began from if not at random.
         input_ranges: By modality, smallest and largest value of each measure of the training
-            recordings (:func:`~tex_lightning.data.quality.training_ranges`); empty if not known.
+            recordings (:func:`~tex_lightning.data.inspection.training_ranges`); empty if not known.
         training: ``fit_seconds`` that the training took; ``val_loss``, the loss on the validation
             fold, None where nothing was validated; and by sense ``left_out``, the novelties of
             training recordings that were left out of the statistics, empty where the layers before

@@ -1,7 +1,11 @@
-"""The classifier: features, networks and decision in one module.
+"""The classifier: decoders, features, networks and decision rule in one module.
 
-A :class:`Card` of plain values rebuilds it, and a checkpoint holds the card and the weights, so
-that prediction from raw files does exactly what testing did.
+A checkpoint holds its weights and its :class:`Card`, the plain values from which it is built again.
+So a prediction decodes, computes and decides exactly as the test after the training did.
+
+The way of a sample through :meth:`SurfaceClassifier.classify`: each sense maps its recording to an
+embedding (D, positions) and then to partial logits (classes, positions); :meth:`fuse` adds those of
+all senses to class scores (classes, fragments); :meth:`decide` makes the label of them.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,8 +17,7 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.classifier.card import Card, read_checkpoint, reading
-from tex_lightning.classifier.statistics import FeatureStatistics
-from tex_lightning.classifier.training_rows import TrainingRows
+from tex_lightning.classifier.statistics import FeatureStatistics, TrainingRows
 from tex_lightning.classifier.vote import RULES, Vote, random_tuples
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.devices import computing_threads
@@ -73,11 +76,11 @@ class Decider(Protocol):
 
 
 class SurfaceClassifier(nn.Module):
-    """Classify decoded recordings; it is the :class:`Decider` of all fragments.
+    """Classify decoded recordings by all of their fragments; it is a :class:`Decider`.
 
-    A single sense is classified by its class scores; those of several senses add up (FusionNet). Of
-    networks in closed form each sense counts the less, the further its recording lies from all that
-    it was trained on (:meth:`is_weighted`).
+    The class scores of several senses are added (FusionNet). If their networks were fitted in
+    closed form, the scores of a sense are scaled down for a recording that is far from its
+    training recordings (:meth:`is_weighted`).
 
     Args:
         card: Card of the classifier.
@@ -94,11 +97,10 @@ class SurfaceClassifier(nn.Module):
             (:meth:`embedding`) of the training recordings; empty before training has ended, and for
             a checkpoint without them.
         rows: By the name of the sense, the
-            :class:`~tex_lightning.classifier.training_rows.TrainingRows` of a network in closed
+            :class:`~tex_lightning.classifier.statistics.TrainingRows` of a network in closed
             form that keeps them.
-        trained_embeddings: By the name of the sense the training recordings and the means of their
-            embeddings (recordings, D), as long as the classifier is that which was trained on them;
-            no part of its state.
+        trained_embeddings: By the name of the sense, the training recordings and their mean
+            embeddings (recordings, D). Set by a training, and not kept in a checkpoint.
 
     Example:
         >>> import tex_lightning as tl, torch
@@ -179,7 +181,7 @@ class SurfaceClassifier(nn.Module):
                 )
             with SizeLimit(path.stat().st_size):
                 classifier = cls(card)
-            state = own_state(stored)
+            state = classifier_state(stored)
             classifier.expect(state)
             check_numbers(state)
             known = classifier.state_dict()  # statistics have what earlier checkpoints lack
@@ -267,9 +269,9 @@ class SurfaceClassifier(nn.Module):
             return self.output_of(name, self.embedding(name, recording))
 
     def threads(self, name: str, recording: Tensor) -> int | None:
-        """Return 1 where a second thread costs more than it saves, above all on a busy machine.
+        """Return 1 if a recording is too small to be computed faster by several threads.
 
-        What there is to compute grows with the weights times the places that they are applied to.
+        The arithmetic is estimated as the number of weights times that of samples or pixels.
         """
         weights = sum(values.numel() for values in self.senses[name].parameters())
         places = recording.numel() // max(1, min(recording.shape))
@@ -298,7 +300,7 @@ class SurfaceClassifier(nn.Module):
         return content_seed(self.card.decision["seed"], *arrays)
 
     def partial_logits(self, name: str, recording: Tensor) -> Tensor:
-        """Compute the partial logits of one sense: (classes, positions)."""
+        """Return what a sense adds to the class scores of a recording: (classes, positions)."""
         return self._partial_logits(name, self.embedding(name, recording))
 
     def _partial_logits(self, name: str, embedding: Tensor) -> Tensor:
@@ -312,15 +314,15 @@ class SurfaceClassifier(nn.Module):
         return share * bounded(partial_logits, statistics.error)
 
     def is_weighted(self, name: str) -> bool:
-        """Return whether a sense counts as far as its recordings are known to be reliable."""
+        """Return whether the scores of a sense are scaled by the reliability of its recording."""
         statistics = self.statistics_of(name)
         return self.fusion is not None and statistics is not None and statistics.has_reach
 
     def embedding(self, name: str, recording: Tensor) -> Tensor:
-        """Compute the features (D, positions) of one sense that :attr:`statistics` describe.
+        """Compute the features (D, positions) of one sense, which :attr:`statistics` describe.
 
-        These are FC2 features at every level of fusion, or the class scores of a network without a
-        ``score_layer``.
+        They are those of FC2, whatever layer is fused. A network without a ``score_layer`` has no
+        such layer; its class scores take their place.
 
         Args:
             name: Name of the sense.
@@ -339,15 +341,15 @@ class SurfaceClassifier(nn.Module):
         return scores.reshape(-1, *grid.shape[1:])
 
     def embedding_layer(self, name: str) -> Level:
-        """Return the layer of :meth:`embedding`."""
+        """Return the layer whose output is the :meth:`embedding` of a sense."""
         return self.layers[name][0]
 
     def level(self, name: str) -> Level:
-        """Return the fused layer of one sense; that of the scores if there is a single sense."""
+        """Return the layer of a sense that is fused; of a single sense the layer of its scores."""
         return self.layers[name][1]
 
     def _layers(self, name: str) -> tuple[Level, Level]:
-        """Return the layers of embedding and fusion; fusion on FC2 removes the score layer."""
+        """Return the layers of embedding and of fusion, which are the same without FC2."""
         level = "fc3" if self.fusion is None else self.fusion.levels[self._index(name)]
         if level == "fc3" and score_layer_of(self.senses[name].network) is not None:
             return "fc2", level
@@ -378,11 +380,10 @@ class SurfaceClassifier(nn.Module):
 
     @torch.no_grad()
     def with_senses(self, senses: Sequence[str]) -> "SurfaceClassifier":
-        """Return the classifier by some of the senses, for samples that lack the others.
+        """Return a classifier that uses some of the senses, for samples that lack the others.
 
-        Features, networks and statistics are shared with this one. If FC2 is fused, a single sense
-        has no FC3; its scores are its part of the fusion layer, so that the scores of all senses
-        add up to those of the fusion. If FC3 is fused, its scores are those of its network.
+        It shares features, networks and statistics with this one. If FC2 is fused, a single sense
+        gets its columns of the fusion layer as its score layer. If FC3 is fused, it keeps its own.
         """
         if self.fusion is None or tuple(senses) == self.card.sense_names:
             return self
@@ -415,7 +416,7 @@ class SurfaceClassifier(nn.Module):
 def _sublayer(layer: FusionLayer, indices: Sequence[int]) -> FusionLayer:
     """Return the fusion layer of some of the senses.
 
-    The bias is in the partial logits of the last sense, and goes with it.
+    Only the last sense adds the bias; without that sense the bias is zero.
     """
     part = deepcopy(layer)
     columns = torch.split(layer.head.weight, layer.sizes, dim=1)
@@ -429,10 +430,10 @@ def _sublayer(layer: FusionLayer, indices: Sequence[int]) -> FusionLayer:
 
 
 def _scored_by(sense: Sense, layer: nn.Linear) -> Sense:
-    """Return a sense whose network has the scores of a fusion layer of it alone.
+    """Return a copy of a sense whose score layer is the fusion layer of this sense alone.
 
-    The removed scores of a network of this package are restored, and all other modules are shared;
-    another network is copied, since its score layer may stand anywhere in it.
+    A network of this package gets a new score layer and shares all others with the original. A
+    user's network is copied as a whole, since its score layer may be anywhere in it.
     """
     network: Any = sense.network
     if isinstance(getattr(network, "head", None), Head):
@@ -464,8 +465,9 @@ def class_scores(
 
     Args:
         network: A network with a ``score_layer``.
-        features: Of all positions of a recording, or of some.
-        whole: Mean features (D,) of all its positions and their number, where these are some.
+        features: Features of all positions of a recording, or of some of them.
+        whole: If of some, the mean features (D,) of all positions of the recording, and their
+            number.
     """
     if isinstance(head := getattr(network, "head", None), Head):
         given: list[Any] = [features[None, :, :, None]]
@@ -489,12 +491,12 @@ def parts_below(prefix: str, state: Mapping[str, Tensor]) -> dict[str, dict[str,
 
 
 def lightning_state(classifier: SurfaceClassifier) -> dict[str, Tensor]:
-    """Return the classifier's state as a checkpoint of Lightning has it; see :func:`own_state`."""
+    """Return the classifier's state under the names that a Lightning checkpoint has."""
     return {f"{PREFIX}{name}": value for name, value in classifier.state_dict().items()}
 
 
-def own_state(checkpoint: Mapping[str, Any]) -> dict[str, Tensor]:
-    """Return the state of the classifier in a checkpoint of Lightning."""
+def classifier_state(checkpoint: Mapping[str, Any]) -> dict[str, Tensor]:
+    """Return the classifier's state of a Lightning checkpoint; undoes :func:`lightning_state`."""
     stored: dict[str, Tensor] = checkpoint["state_dict"]
     return {
         key.removeprefix(PREFIX): value for key, value in stored.items() if key.startswith(PREFIX)

@@ -18,7 +18,7 @@ from tex_lightning.config.signatures import TARGET as TARGET
 from tex_lightning.core.contract import making, resolve
 from tex_lightning.errors import UserError, shorten
 
-OWN = "tex_lightning."
+PACKAGE = "tex_lightning."
 
 
 def build(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: ANN401
@@ -130,9 +130,9 @@ def _checked(
 
 
 # Where this package's parts are, and what they derive from: names, since importing takes seconds
-PLACES = tuple(f"{OWN}{name}." for name in ("senses", "networks", "baselines"))
+PLACES = tuple(f"{PACKAGE}{name}." for name in ("senses", "networks", "baselines"))
 BASES = frozenset(
-    f"{OWN}{name}"
+    f"{PACKAGE}{name}"
     for name in ("senses.base.Sense", "networks.trunks.base.Trunk", "baselines.base.Baseline")
 )
 MODULE = "torch.nn.modules.module.Module"
@@ -169,14 +169,14 @@ def own_part(target: str) -> type[Any] | None:
     try:
         cls = getattr(import_module(module), name, None)
     except ModuleNotFoundError as error:
-        if error.name is None or not error.name.startswith(OWN):  # a library is not installed
+        if error.name is None or not error.name.startswith(PACKAGE):  # a library is not installed
             raise
         return None
     if not isinstance(cls, type) or f"{cls.__module__}.{cls.__qualname__}" != target:
         return None
     bases = {f"{base.__module__}.{base.__qualname__}" for base in cls.__mro__[1:]}
-    is_features = target.startswith(f"{OWN}senses.features.")
-    is_network = target.startswith(f"{OWN}networks.") and hasattr(cls, "features")
+    is_features = target.startswith(f"{PACKAGE}senses.features.")
+    is_network = target.startswith(f"{PACKAGE}networks.") and hasattr(cls, "features")
     known = bases & BASES or (MODULE in bases and (is_features or is_network))
     return cls if known and not inspect.isabstract(cls) else None
 

@@ -1,6 +1,6 @@
 """Contracts of custom classes; their exceptions keep the traceback.
 
-:mod:`tex_lightning.classifier.trial` tries those of training once before work, and
+:mod:`tex_lightning.classifier.contract_check` tries those of training once before work, and
 :mod:`tex_lightning.testing` those of any part.
 """
 

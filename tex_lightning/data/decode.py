@@ -6,10 +6,12 @@ as arrays are brought to the same form.
 
 import logging
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, NamedTuple, Self
+from threading import Lock
+from typing import Annotated, Any, ClassVar, NamedTuple, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -17,9 +19,9 @@ from PIL import Image
 
 from tex_lightning.config.signatures import misfits
 from tex_lightning.core.console import warn_once
-from tex_lightning.data.kept import read_once
 from tex_lightning.errors import UserError
 from tex_lightning_runtime.columns import Reading
+from tex_lightning_runtime.files import is_file
 from tex_lightning_runtime.photos import IMAGE_SUFFIXES, read_photo
 from tex_lightning_runtime.pixels import halve, middle
 from tex_lightning_runtime.resampling import MAX_RATE, MIN_RATE, to_rate
@@ -78,27 +80,21 @@ class SignalDecoder:
                 f"data.time_unit is {self.time_unit!r}; choose ms, us, ns, s, min, h, d or null."
             )
 
-    def decode(self, path: Path, rate: float | None = None) -> tuple[Trace, float]:
-        """Read a trace and bring it to the configured rate.
+    def decode(self, path: Path, rate: float | None = None) -> Decoded:
+        """Read a trace and resample it to :attr:`sampling_rate`.
 
         Args:
             path: A file as :func:`~tex_lightning_runtime.traces.read_samples` reads it.
             rate: Rate of this file in Hz if the manifest or the reader knows it.
 
         Returns:
-            float32 array of shape (axes, samples), in the file's unit and with its level; its own
-            rate in Hz.
+            Samples (axes, samples) float32, in the file's unit and with its level; the file's own
+            rate in Hz; and how the file was read.
 
         Raises:
             UserError: If the file is missing, empty, damaged, of another shape, or holds NaN, or if
                 it states another rate.
         """
-        array, source, _ = self.read(path, rate)
-        assert source is not None
-        return array, source
-
-    def read(self, path: Path, rate: float | None = None) -> Decoded:
-        """Decode a trace, and return how its file was read, too; see :meth:`decode`."""
         samples, source, reading = read_trace(path, self, rate)
         trace = to_rate(samples, source, self.sampling_rate, f"Trace {path}")
         return Decoded(trace, source, reading)
@@ -139,7 +135,7 @@ class PhotoDecoder:
     unit: ClassVar[str] = "megapixels"
     precision: ClassVar[str] = ".2g"
 
-    def decode(self, path: Path, rate: float | None = None) -> tuple[Photo, None]:
+    def decode(self, path: Path, rate: float | None = None) -> Decoded:
         """Read a photo as RGB, upright, halved or resized if so configured.
 
         Args:
@@ -147,7 +143,7 @@ class PhotoDecoder:
             rate: Ignored for a photo.
 
         Returns:
-            uint8 array of shape (height, width, 3); no rate.
+            Pixels (height, width, 3) uint8; a photo has no rate.
 
         Raises:
             UserError: If the file is missing, empty, truncated by more than a little, or no image.
@@ -155,11 +151,7 @@ class PhotoDecoder:
         photo, notes = read_photo(path)
         for note in notes:
             warn_once(log, f"Image {path}: {note} (said of the first such image).", note)
-        return self.scale(photo, f"Image {path}"), None
-
-    def read(self, path: Path, rate: float | None = None) -> Decoded:
-        """Decode a photo; see :meth:`decode`."""
-        return Decoded(self.decode(path)[0])
+        return Decoded(self.scale(photo, f"Image {path}"))
 
     def scale(self, photo: Photo, name: str) -> Photo:
         """Halve or resize a photo (height, width, 3).
@@ -242,3 +234,58 @@ def read_trace(path: Path, settings: SignalDecoder, rate: float | None = None) -
             "Hz by the manifest or reader; correct or remove one of them."
         )
     return SourceSignal(samples, source, reading)
+
+
+MAX_KEPT = 1 << 28  # bytes of samples; a file beyond them is read again
+
+T = TypeVar("T", bound=tuple[Any, ...])
+
+_kept: dict[tuple[object, ...], Any] = {}
+_lock = Lock()  # files are read in threads
+_keeps, _bytes = False, 0  # bytes that were kept since all was freed
+
+
+@contextmanager
+def keeping_traces() -> Iterator[None]:
+    """Keep what :func:`read_once` reads meanwhile."""
+    global _keeps
+    _keeps = True
+    try:
+        yield
+    finally:
+        _keeps = False
+
+
+def forget_traces() -> None:
+    """Free what is kept."""
+    global _bytes
+    with _lock:
+        _kept.clear()
+        _bytes = 0
+
+
+def read_once(read: Callable[..., T], path: Path, *how: Any) -> T:  # noqa: ANN401
+    """Return ``read(path, *how)``, or what an earlier call has kept of it, which is then freed.
+
+    Args:
+        read: Reads a tuple that begins with samples.
+        path: File that it reads; a file that has changed since is read again.
+        *how: Further arguments.
+
+    Raises:
+        UserError: As ``read`` does.
+    """
+    stat = path.stat() if is_file(path) else None  # of any of the files of a trace
+    key = (read, path, how, stat and (stat.st_mtime_ns, stat.st_size))
+    global _bytes
+    with _lock:
+        kept: Any = _kept.get(key) if _keeps else _kept.pop(key, None)
+    if kept is not None:
+        return kept  # type: ignore[no-any-return]  # what read has returned
+    result = read(path, *how)
+    size = result[0].nbytes
+    with _lock:
+        if _keeps and key not in _kept and _bytes + size <= MAX_KEPT:
+            _kept[key] = result
+            _bytes += size
+    return result

@@ -7,7 +7,7 @@ their details.
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -20,7 +20,12 @@ from tex_lightning.core.progress import track
 from tex_lightning.data.decode import RATE_TOLERANCE, PhotoDecoder, SignalDecoder
 from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.data.store import Store, fingerprint
-from tex_lightning_runtime.quality import photo_quality, trace_quality
+from tex_lightning_runtime.quality import (
+    photo_measures,
+    photo_quality,
+    trace_measures,
+    trace_quality,
+)
 
 Array = npt.NDArray[Any]
 REACH = 64  # samples on each side that a landmark is the largest of
@@ -33,6 +38,7 @@ LIKE, SAME = 0.8, 0.85  # correlations of those
 BLUR = 4.0  # pixels; what is coarser is light
 MAX_PAIRS = 20_000  # of photos alike in small
 MAX_NAMED = 3  # files of one finding
+QUANTILES = (0.01, 0.99)  # of the training recordings, so that a few odd ones do not count
 
 
 class Finding(NamedTuple):
@@ -203,3 +209,17 @@ def named_files(rows: Sequence[Recording]) -> str:
     named = [f"{row.label}/{row.path.name}" for row in rows[:MAX_NAMED]]
     more = [f"{len(rows) - MAX_NAMED} more"] if len(rows) > MAX_NAMED else []
     return ", ".join([*named, *more])
+
+
+def training_ranges(rows: Iterable[Recording], store: Store) -> dict[str, list[float]]:
+    """Measure training recordings of one modality: each measure's ends, by quantiles."""
+    values: dict[str, list[float]] = defaultdict(list)
+    for row in rows:
+        decoder, recording = store.decoders[row.modality], store.load(row)
+        if isinstance(decoder, SignalDecoder):
+            measures = trace_measures(recording, store.rate(row), decoder.sampling_rate)
+        else:
+            measures = photo_measures(recording)
+        for name, value in measures.items():
+            values[name].append(value)
+    return {name: np.quantile(numbers, QUANTILES).tolist() for name, numbers in values.items()}

@@ -159,9 +159,9 @@ class Recordings:
         """Class names in natural order; the position of a name is its index."""
         return sorted({row.label for row in self.rows}, key=natural_key)
 
-    def of(self, modality: str) -> "Recordings":
-        """Return the rows of one modality."""
-        return self._where(lambda row: row.modality == modality)
+    def of(self, *modalities: str) -> "Recordings":
+        """Return the rows of some modalities."""
+        return self._where(lambda row: row.modality in modalities)
 
     def in_classes(self, classes: Iterable[str]) -> "Recordings":
         """Return the rows whose label is one of ``classes``."""

@@ -26,9 +26,8 @@ from torch import Tensor
 from tex_lightning.core.console import suppress_warnings
 from tex_lightning.core.devices import in_threads
 from tex_lightning.core.files import resolved, write_atomically
-from tex_lightning.data.decode import Decoded, Decoder
+from tex_lightning.data.decode import Decoded, Decoder, forget_traces
 from tex_lightning.data.folds import Sample
-from tex_lightning.data.kept import forget_traces
 from tex_lightning.data.recordings import Recording, cut_part
 from tex_lightning.errors import UserError, reason
 from tex_lightning_runtime.columns import Reading
@@ -225,7 +224,7 @@ class Store:
 
     def _decode(self, recording: Recording) -> Decoded:
         decoder = self.decoders[recording.modality]
-        decoded = decoder.read(recording.path, recording.sampling_rate)
+        decoded = decoder.decode(recording.path, recording.sampling_rate)
         return decoded._replace(array=cut_part(decoded.array, recording.part, recording.path))
 
     def _write(self, entry: Path, decoded: Decoded) -> None:

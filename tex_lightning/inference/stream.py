@@ -1,16 +1,16 @@
-"""A live recording: samples in, predictions out.
+"""Classify a live recording: samples in, predictions out.
 
-Samples are resampled to the rate of the training. A vote goes on from the one before
-(:mod:`~tex_lightning.inference.continued`), where the classifier allows it. Else, and over the last
-seconds (``stream.window``), every vote classifies anew. A fragment of HapticNet sees 2 s; a
-spectrogram of a window that is shorter is repeated until it fills one: a texture goes on as it
-began.
+Samples are resampled to the rate of the training. Where the classifier allows it, new samples
+update the vote so far (:mod:`~tex_lightning.inference.running_vote`). Other classifiers, and all
+with ``stream.window``, classify the kept samples again with every push. A window may be shorter
+than a fragment, of 2 s for HapticNet: its spectrogram is then repeated up to that length.
 """
 
 import time
 from collections.abc import Mapping
 from typing import Any, cast
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -18,23 +18,126 @@ from tex_lightning.classifier.classifier import SenseOutput, SurfaceClassifier
 from tex_lightning.classifier.vote import Vote
 from tex_lightning.config import StreamConfig
 from tex_lightning.core.devices import synchronise
+from tex_lightning.data.decode import Array
 from tex_lightning.errors import UserError
-from tex_lightning.inference.continued import Continued, continued
-from tex_lightning.inference.live_signal import FlowingSignal, LiveSignal
 from tex_lightning.inference.prediction import Prediction, make_prediction
+from tex_lightning.inference.running_vote import RunningVote, running_vote
 from tex_lightning.senses.signal import SignalSense
-from tex_lightning_runtime.quality import Quality, together
+from tex_lightning_runtime.quality import Level, Quality, Ranges, Survey, limits, together
+from tex_lightning_runtime.resampling import REACH, rate_ratio, to_rate
+from tex_lightning_runtime.samples import as_trace
 
 MIN_SECONDS = 0.3  # of a window that votes
 
 
+class LiveSignal:
+    """Check incoming samples and keep them, or the last seconds of them.
+
+    Args:
+        sense: Sense of the signal.
+        rate: Rate of the samples in Hz; None is the checkpoint's.
+        window: Seconds that are kept of the end of the signal; None keeps everything.
+
+    Attributes:
+        rate: Rate in Hz that samples must have.
+        samples: Number of samples so far.
+        kept: Kept samples (axes, samples) as they came; None before the first.
+
+    Raises:
+        UserError: If there is no such rate, or it is too far from the checkpoint's.
+    """
+
+    def __init__(self, sense: SignalSense, rate: float | None, window: float | None = None) -> None:
+        self.sense, target = sense, sense.decoder.sampling_rate
+        self.rate = target if rate is None else rate
+        self.ratio = rate_ratio(self.rate, target, sense.modality)
+        self.limit = None if window is None else round(window * self.rate)
+        self.samples = 0
+        self.kept: Array | None = None
+
+    def push(self, samples: Any) -> Array:  # noqa: ANN401  (what NumPy can read)
+        """Append samples and return them as (axes, samples).
+
+        Args:
+            samples: (samples,) or (axes, samples), as many axes as before.
+
+        Raises:
+            UserError: If they are no such samples.
+        """
+        decoder, name = self.sense.decoder, self.sense.modality
+        chunk = as_trace(samples, name, decoder.channels, is_chunk=True)
+        kept = chunk[:, :0] if self.kept is None else self.kept
+        if len(chunk) != len(kept):
+            raise UserError(
+                f"A chunk has the shape {tuple(np.shape(samples))}; give (axes, samples) with as "
+                f"many axes as before, {len(kept)}."
+            )
+        self.samples += chunk.shape[1]
+        self.kept = np.concatenate((kept, chunk), axis=1)
+        if self.limit is not None:
+            self.kept = self.kept[:, -self.limit :].copy()
+        return chunk
+
+
+class ResampledSignal(LiveSignal):
+    """Resample incoming samples, and keep only those that resampling the next ones needs.
+
+    Args:
+        sense: Sense of the signal.
+        rate: Rate of the samples in Hz; None is the checkpoint's.
+        ranges: Ranges of the measures of the training recordings.
+    """
+
+    def __init__(self, sense: SignalSense, rate: float | None, ranges: Ranges) -> None:
+        super().__init__(sense, rate)
+        self.usual, self.survey, self.level = limits(ranges), Survey(), Level()
+        self.dropped = self.given = 0  # samples, before and after resampling
+
+    def take(self, samples: Any) -> tuple[Tensor, Tensor, Quality]:  # noqa: ANN401
+        """Append samples; return what is new at the checkpoint's rate, and the quality so far.
+
+        The end of a resampled signal depends on samples that are still to come. It is computed as
+        if the signal ended here, and returned again, changed, by the next call.
+
+        Args:
+            samples: Samples as :meth:`push` takes them.
+
+        Returns:
+            New samples (axes, samples) that are final; the preliminary ones after them; the quality
+            of all samples so far.
+
+        Raises:
+            UserError: If they are no such samples.
+        """
+        self.survey.add(self.push(samples))
+        new, ahead = self._resampled()
+        self.level = self.level.plus(new)
+        target = self.sense.decoder.sampling_rate
+        measures = {"level": self.level.plus(ahead).value, "rate": min(self.rate, target)}
+        quality = self.survey.quality(self.usual, self.sense.what, measures)
+        return torch.from_numpy(new), torch.from_numpy(ahead), quality
+
+    def _resampled(self) -> tuple[Array, Array]:
+        kept, (up, down) = self.kept, self.ratio.as_integer_ratio()
+        assert kept is not None
+        half = REACH * max(up, down) if self.ratio != 1 else 0  # of the filter, in 1 / up samples
+        final = max(self.given, (self.samples * up - half - 1) // down + 1)
+        target, name = self.sense.decoder.sampling_rate, self.sense.modality
+        every = to_rate(kept, self.rate, target, name)[:, self.given - self.dropped * up // down :]
+        new, ahead = every[:, : final - self.given].copy(), every[:, final - self.given :].copy()
+        self.given = final
+        needed = max(0, (final * down - half) // up // down * down)
+        self.kept, self.dropped = kept[:, needed - self.dropped :].copy(), needed
+        return new, ahead
+
+
 class LiveStream:
-    """Take samples as they come and predict from all of them so far, or from the last seconds.
+    """Predict from all samples that were pushed so far, or from the last seconds of them.
 
     Args:
         classifier: The accelerated classifier of the given senses.
         rates: Sampling rate in Hz by modality of each signal; None is the checkpoint's.
-        photos: Decoded, by modality, with what is wrong with them; they stay as they are.
+        photos: Decoded photos by modality with their quality, the same for the whole stream.
         config: ``window``.
         top_k: Number of classes that a prediction lists.
 
@@ -56,14 +159,14 @@ class LiveStream:
         self.card, self.classifier, self.top_k = classifier.card, classifier, top_k
         self.window, senses = config.window, classifier.senses
         self.live = {name: x for name, x in senses.items() if isinstance(x, SignalSense)}
-        self.continued = continued(classifier) if self.window is None else None
+        self.running_vote = running_vote(classifier) if self.window is None else None
         self.signals: dict[str, LiveSignal] = {}
         for sense in self.live.values():
             name, rate = sense.modality, rates[sense.modality]
             ranges = self.card.input_ranges.get(name, {})
-            flows = self.continued is not None
+            flows = self.running_vote is not None
             self.signals[name] = (
-                FlowingSignal(sense, rate, ranges)
+                ResampledSignal(sense, rate, ranges)
                 if flows
                 else LiveSignal(sense, rate, self.window)
             )
@@ -106,7 +209,7 @@ class LiveStream:
                 f"This stream takes {' and '.join(self.signals)} with every push; give "
                 f"{', '.join(f'{name}=SAMPLES' for name in self.signals)}."
             )
-        vote, quality = self._continue(chunks) if self.continued else self._anew(chunks)
+        vote, quality = self._extended(chunks) if self.running_vote else self._anew(chunks)
         synchronise(self.classifier.device)
         latency = time.perf_counter() - begin
         used = self.card.modalities if len(self.card.sense_names) > 1 else ()
@@ -122,13 +225,13 @@ class LiveStream:
             raise self.failure
 
     @torch.inference_mode()
-    def _continue(self, chunks: Mapping[str, Any]) -> tuple[Vote | None, Quality]:
-        """Vote with further samples of the only signal."""
+    def _extended(self, chunks: Mapping[str, Any]) -> tuple[Vote | None, Quality]:
+        """Update the running vote with samples of the only signal."""
         ((name, chunk),) = chunks.items()
-        signal = cast(FlowingSignal, self.signals[name])
+        signal = cast(ResampledSignal, self.signals[name])
         new, ahead, quality = signal.take(chunk)
         try:
-            vote: Vote | None = cast(Continued, self.continued).push(new, ahead)
+            vote: Vote | None = cast(RunningVote, self.running_vote).push(new, ahead)
             self.failure = None
         except UserError as error:
             vote, self.failure = None, self.failure and error
@@ -136,7 +239,7 @@ class LiveStream:
 
     @torch.inference_mode()
     def _anew(self, chunks: Mapping[str, Any]) -> tuple[Vote | None, Quality]:
-        """Vote by everything that is kept."""
+        """Classify all samples that are kept, again."""
         inputs: dict[str, Tensor] = {}
         qualities = list(self.photo_quality)
         for modality, signal in self.signals.items():
@@ -154,7 +257,7 @@ class LiveStream:
         return vote, together(qualities)
 
     def _outputs(self, recordings: Mapping[str, Tensor]) -> dict[str, SenseOutput] | None:
-        """Return what the live senses give for their recordings; None if one is too short."""
+        """Return the outputs of the live senses; None if a recording is too short."""
         for sense in self.live.values() if self.window is not None else ():
             if recordings[sense.modality].shape[1] <= MIN_SECONDS * sense.decoder.sampling_rate:
                 return None
@@ -170,7 +273,7 @@ class LiveStream:
         return outputs
 
     def _output(self, name: str, sense: SignalSense, recording: Tensor) -> SenseOutput:
-        """Return what a live sense gives; short inputs of a window are repeated to a fragment."""
+        """Return the output of a live sense; a window shorter than a fragment is repeated."""
         if self.window is None or sense.geometry is None:
             return self.classifier.sense_output(name, recording)
         x = sense.dense_input(recording)

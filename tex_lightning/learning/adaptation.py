@@ -19,10 +19,9 @@ from torch import Tensor, nn
 
 from tex_lightning.classifier.card import CROSSVAL, NOVELTIES
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.classifier.statistics import FeatureStatistics
-from tex_lightning.classifier.training_rows import TrainingRows
+from tex_lightning.classifier.statistics import FeatureStatistics, TrainingRows
 from tex_lightning.errors import UserError
-from tex_lightning.learning.statistics import statistics_with_reach
+from tex_lightning.learning.finish import statistics_with_reach
 from tex_lightning.networks.line import SHORT, RangeGate
 from tex_lightning.networks.linear import LinearNet
 

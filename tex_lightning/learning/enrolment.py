@@ -16,8 +16,7 @@ from torch import Tensor, nn
 
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import ROWS, STATISTICS, SurfaceClassifier
-from tex_lightning.classifier.statistics import FeatureStatistics
-from tex_lightning.classifier.training_rows import TrainingRows
+from tex_lightning.classifier.statistics import FeatureStatistics, TrainingRows
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import ScoreLayer, score_layer_of
 from tex_lightning.networks.line import SHORT, RangeGate

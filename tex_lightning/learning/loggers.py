@@ -3,9 +3,11 @@
 import logging
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from lightning.pytorch.loggers import CSVLogger, Logger, TensorBoardLogger
 from lightning.pytorch.utilities import rank_zero_only
@@ -14,12 +16,29 @@ from torch import Tensor, nn
 from tex_lightning.config import flatten
 from tex_lightning.config.instantiation import build_derived, find_callable
 from tex_lightning.config.overrides import Setting, chosen_settings, swept_keys
+from tex_lightning.core.ranks import is_rank_zero
+from tex_lightning.data.banks import Bank, Indices, PhotoBank
+from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.errors import reason
 from tex_lightning.evaluation.metrics import logged_figures
 from tex_lightning.learning.module import SurfaceModule
-from tex_lightning.report.board import MAX_NAME, UNUSUAL, Piece, folder_name, show
+from tex_lightning.report.board import (
+    MAX_NAME,
+    UNUSUAL,
+    Artifact,
+    Picture,
+    folder_name,
+    jpeg,
+    show,
+    shows,
+)
+from tex_lightning.report.pictures import input_pixels, row_of
 from tex_lightning.report.table import typed_overrides
+from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
+SHOWN = 8  # recordings of each sense, of different classes as far as there are
+MAX_FRAMES = 600  # of a long signal
+MAX_PIXELS = 300  # pixels along one of them
 log = logging.getLogger(__name__)
 
 Nodes = Mapping[str, Mapping[str, Any] | None]  # of the configuration, by the logger's name
@@ -116,12 +135,56 @@ def event_folder(directory: Path, name: str) -> str:
     return UNUSUAL.sub("_", text)[:MAX_NAME].strip()
 
 
+def show_inputs(loggers: Sequence[Logger], module: SurfaceModule, batches: TrainingBatches) -> None:
+    """Add pictures of training recordings before and after augmentation, the same in both.
+
+    Before it is what a test would see of the recording: a signal whole, of a photo the piece that
+    is cut. After it is what a training batch has. Nothing random of the training is changed.
+    """
+    if not is_rank_zero() or not shows(loggers):
+        return
+    pictures = []
+    with torch.random.fork_rng(), torch.no_grad():
+        for name, (bank, labels) in batches.banks.items():
+            pictures += _input_pictures(module, name, bank, labels)
+    for logger in loggers:
+        show(logger, "inputs", pictures)
+
+
+def _input_pictures(module: SurfaceModule, name: str, bank: Bank, labels: Indices) -> list[Picture]:
+    sense, size = module.classifier.senses[name], module.pieces[name]
+    _, first = np.unique(labels, return_index=True)
+    chosen = np.sort(first)[np.linspace(0, len(first) - 1, min(SHOWN, len(first))).astype(int)]
+    if isinstance(bank, PhotoBank):
+        kept = replace(bank, augmentation=None, rotation=0.0)  # at the same corners
+        pieces = kept.cut(chosen, np.random.default_rng(module.seed))
+        before = [*sense.training_input(_on(pieces, sense.device), size)]
+    else:
+        before = [bank.inputs[index][..., :MAX_FRAMES] for index in chosen.tolist()]
+    pieces = bank.cut(chosen, np.random.default_rng(module.seed))
+    after = [*sense.training_input(_on(pieces, sense.device), size, module.change)]
+    kind = "spectrograms" if isinstance(sense.features, SpectrogramFeatures) else "features"
+    kind = "photos" if sense.medium == "photo" else kind
+    captions = [module.classifier.card.classes[labels[index]] for index in chosen.tolist()]
+    return [
+        Picture(
+            f"inputs/{name} {kind}, {when} augmentation",  # which sort as they are read
+            jpeg(row_of([input_pixels(x, sense.features, MAX_PIXELS) for x in inputs], captions)),
+        )
+        for when, inputs in (("1 before", before), ("2 after", after))
+    ]
+
+
+def _on(pieces: dict[str, Tensor], device: torch.device) -> dict[str, Tensor]:
+    return {key: value.to(device) for key, value in pieces.items()}
+
+
 def log_test(
     loggers: Sequence[Logger],
     name: str,
     config: dict[str, Any],
     result: dict[str, Any],
-    pieces: Sequence[Piece] = (),
+    artifacts: Sequence[Artifact] = (),
     trial: Mapping[str, Setting] | None = None,
 ) -> None:
     """Add the metrics of the test, what it has shown, and the hyper-parameters that led to it.
@@ -133,7 +196,7 @@ def log_test(
         name: Name of the network: its sense, or ``fusion``.
         config: The whole configuration as plain values, or what of it was read.
         result: The network's entry of ``results.json``.
-        pieces: Figures, texts and the like.
+        artifacts: Figures, texts and the like.
         trial: Settings by which TensorBoard compares this training with others; None of a fold,
             which is a part of one, and of an evaluation, which trains nothing.
     """
@@ -144,7 +207,7 @@ def log_test(
         if not isinstance(logger, TensorBoardLogger):
             logger.log_hyperparams(_hyper_parameters(config, name))
             logger.log_metrics(metrics)
-        show(logger, "test", pieces, metrics, trial)
+        show(logger, "test", artifacts, metrics, trial)
         if not isinstance(logger, TensorBoardLogger):  # whose file is closed
             logger.finalize("success")
 

@@ -6,7 +6,6 @@ import logging
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -30,6 +29,7 @@ from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError, listed
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.learning.module import SurfaceModule
+from tex_lightning.learning.provenance import starting_classifier
 from tex_lightning.networks.choice import fit_temperature
 from tex_lightning.networks.linear import LinearNet
 from tex_lightning.networks.trunks import Trunk
@@ -81,19 +81,6 @@ def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
             f"not end in {SUFFIX}; give that of a run with model.senses=[{sense}]."
         )
     return load_trunk_weights(trunk, source)
-
-
-def starting_classifier(source: str, kind: str) -> SurfaceClassifier | None:
-    """Return the classifier in a checkpoint, from whose trunk a network of that kind can start.
-
-    Returns:
-        None where ``source`` is no checkpoint of this package but a file with ImageNet's weights.
-
-    Raises:
-        UserError: If it is a checkpoint and cannot be used.
-    """
-    path = Path(source)
-    return SurfaceClassifier.from_checkpoint(path, kind) if path.suffix == SUFFIX else None
 
 
 def start_fusion(

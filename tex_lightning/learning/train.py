@@ -37,12 +37,11 @@ from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatche
 from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.recordings import Recording, class_indices
 from tex_lightning.data.store import Store, load_recording
-from tex_lightning.learning.inputs import show_inputs
-from tex_lightning.learning.loggers import open_loggers
+from tex_lightning.learning.finish import calibrate, calibrate_baseline, set_statistics
+from tex_lightning.learning.loggers import open_loggers, show_inputs
 from tex_lightning.learning.module import SurfaceModule, make_module
-from tex_lightning.learning.recipe import complete_recipe, given_start
+from tex_lightning.learning.provenance import complete_recipe, load_start
 from tex_lightning.learning.start import start_fusion, start_network
-from tex_lightning.learning.statistics import calibrate, calibrate_baseline, keep_statistics
 from tex_lightning.learning.trainer import (
     build_callbacks,
     find_resumable,
@@ -51,7 +50,7 @@ from tex_lightning.learning.trainer import (
     quiet_lightning,
     take_best,
 )
-from tex_lightning.learning.trial import try_baseline
+from tex_lightning.learning.training_check import check_fitted_baseline
 
 __all__ = ["Training", "checkpoint_of", "train_networks"]
 
@@ -91,7 +90,7 @@ def train_networks(
     """
     model, whole = config.model, configured_card(config, classes)
     starts = {  # before time is spent on the other networks
-        name: given_start(Path(path), whole.of([name]), parts.test, config.data)
+        name: load_start(Path(path), whole.of([name]), parts.test, config.data)
         for name, path in model.checkpoints.items()
     }
     for name in track(model.trained, "network {}".format):
@@ -210,7 +209,7 @@ class Training:
         fixed = all(start.card.training["left_out"] for start in self.starts.values())
         banks = {name: bank for name, (bank, _) in self.batches.banks.items()}
         with self._timed():
-            left_out = keep_statistics(
+            left_out = set_statistics(
                 classifier, parts.train, store, engine, banks,
                 frozen=frozen, closed_form=frozen and fixed,
             )  # fmt: skip
@@ -232,7 +231,7 @@ class Training:
         log.info("Fitting %s to %d recordings.", self.card.title, len(rows))
         with self._timed():
             classifier.fit(rows, self.store, self.config.seed)
-        try_baseline(classifier, [load_recording(row, self.store) for row in rows[:2]])
+        check_fitted_baseline(classifier, [load_recording(row, self.store) for row in rows[:2]])
         calibration, loss = calibrate_baseline(classifier, self.parts, self.store)
         self._complete(classifier, calibration, {"fit_seconds": self.seconds, "val_loss": loss})
         classifier.save(self.final)

@@ -16,13 +16,12 @@ import numpy.typing as npt
 from lightning.pytorch.loggers import Logger, MLFlowLogger, TensorBoardLogger
 from PIL import Image
 
+from tex_lightning.config.model import FUSION
 from tex_lightning.config.overrides import Setting
 from tex_lightning.core.files import write_bytes, write_text
 
 Pixels = npt.NDArray[np.uint8]
-MAX_SPRITE = 8192  # pixels along a sprite, of which TensorBoard shows no more
 ORDER = ("haptic", "visual", "sound")  # of reading; then senses of the user's, and the fusion last
-FUSION = "fusion"
 PNG = b"\x89PNG"  # with which such files begin
 UNUSUAL = re.compile(r"[^\w.,+=@ -]")  # in the name of a file
 MAX_NAME = 80  # characters of it
@@ -70,7 +69,7 @@ class Points:
     thumbnails: Pixels | None = None
 
 
-Piece = Picture | Sound | Words | Points
+Artifact = Picture | Sound | Words | Points
 
 
 def folder_name(network: str) -> str:
@@ -86,33 +85,33 @@ def folder_name(network: str) -> str:
 
 
 def shows(loggers: Iterable[Logger]) -> bool:
-    """Return whether one of the loggers shows pieces."""
+    """Return whether one of the loggers shows artifacts."""
     return any(isinstance(logger, TensorBoardLogger | MLFlowLogger) for logger in loggers)
 
 
 def show(
     logger: Logger,
     part: str,
-    pieces: Iterable[Piece],
+    artifacts: Iterable[Artifact],
     metrics: Mapping[str, float] | None = None,
     trial: Mapping[str, Setting] | None = None,
 ) -> None:
-    """Add pieces to TensorBoard or MLflow; other loggers show none.
+    """Add artifacts to TensorBoard or MLflow; other loggers show none.
 
     Args:
         logger: Logger of a network.
         part: Name of what is shown together; in TensorBoard it replaces what an earlier process has
             shown of this part.
-        pieces: What to show.
+        artifacts: What to show.
         metrics: Scalars for TensorBoard, by tag.
         trial: What makes this a trial among others in TensorBoard's HPARAMS; None if it is none.
     """
     if isinstance(logger, TensorBoardLogger):
         from tex_lightning.report.events import write_events  # takes TensorBoard's modules
 
-        write_events(Path(logger.log_dir), part, [*pieces], metrics or {}, trial)
+        write_events(Path(logger.log_dir), part, [*artifacts], metrics or {}, trial)
     elif isinstance(logger, MLFlowLogger):
-        _to_artifacts(logger, part, pieces)
+        _to_artifacts(logger, part, artifacts)
 
 
 def wav(samples: npt.NDArray[np.float32], rate: int) -> bytes:
@@ -138,15 +137,15 @@ def png(pixels: Pixels) -> bytes:
     return stream.getvalue()
 
 
-def write_points(home: Path, piece: Points) -> None:
+def write_points(home: Path, artifact: Points) -> None:
     """Write vectors, text and thumbnails into a folder."""
-    rows = ("\t".join(f"{value:.5g}" for value in vector) for vector in piece.vectors.tolist())
+    rows = ("\t".join(f"{value:.5g}" for value in vector) for vector in artifact.vectors.tolist())
     write_text(home / "tensors.tsv", "\n".join(rows) + "\n")
-    cells = zip(*piece.columns.values(), strict=True)
-    lines = ["\t".join(piece.columns), *("\t".join(row) for row in cells)]
+    cells = zip(*artifact.columns.values(), strict=True)
+    lines = ["\t".join(artifact.columns), *("\t".join(row) for row in cells)]
     write_text(home / "metadata.tsv", "\n".join(lines) + "\n")
-    if piece.thumbnails is not None:
-        write_bytes(home / "sprite.png", png(sprite(piece.thumbnails)))
+    if artifact.thumbnails is not None:
+        write_bytes(home / "sprite.png", png(sprite(artifact.thumbnails)))
 
 
 def sprite(thumbnails: Pixels) -> Pixels:
@@ -159,23 +158,23 @@ def sprite(thumbnails: Pixels) -> Pixels:
     return rows.reshape(across * side, across * side, 3)
 
 
-def _to_artifacts(logger: MLFlowLogger, part: str, pieces: Iterable[Piece]) -> None:
+def _to_artifacts(logger: MLFlowLogger, part: str, artifacts: Iterable[Artifact]) -> None:
     with tempfile.TemporaryDirectory() as temporary:
         home = Path(temporary)
-        for piece in pieces:
-            if isinstance(piece, Points):
-                write_points(home / "projector" / piece.tag, piece)
+        for artifact in artifacts:
+            if isinstance(artifact, Points):
+                write_points(home / "projector" / artifact.tag, artifact)
                 continue
-            content, suffix = _file(piece)
-            folder, slash, name = piece.tag.partition("/")
+            content, suffix = _file(artifact)
+            folder, slash, name = artifact.tag.partition("/")
             path = f"{folder}{slash}{UNUSUAL.sub('_', name)[:MAX_NAME]}{suffix}"
             write_bytes(home / path, content)
         logger.experiment.log_artifacts(logger.run_id, temporary, part)
 
 
-def _file(piece: Picture | Sound | Words) -> tuple[bytes, str]:
-    if isinstance(piece, Picture):
-        return piece.content, ".png" if piece.content.startswith(PNG) else ".jpg"
-    if isinstance(piece, Sound):
-        return wav(piece.samples, piece.rate), ".wav"
-    return piece.markdown.encode(), ".md"
+def _file(artifact: Picture | Sound | Words) -> tuple[bytes, str]:
+    if isinstance(artifact, Picture):
+        return artifact.content, ".png" if artifact.content.startswith(PNG) else ".jpg"
+    if isinstance(artifact, Sound):
+        return wav(artifact.samples, artifact.rate), ".wav"
+    return artifact.markdown.encode(), ".md"

@@ -36,7 +36,7 @@ class _Point(NamedTuple):
     vector: Tensor
 
 
-def projector_pieces(
+def projector_artifacts(
     classifier: SurfaceClassifier,
     samples: Sequence[Sample],
     outcomes: Sequence[Outcome],

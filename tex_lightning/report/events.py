@@ -12,7 +12,7 @@ from torch.utils.tensorboard.writer import FileWriter
 
 from tex_lightning.config.overrides import Setting
 from tex_lightning.core.files import write_text
-from tex_lightning.report.board import Picture, Piece, Points, Sound, Words, wav, write_points
+from tex_lightning.report.board import Artifact, Picture, Points, Sound, Words, wav, write_points
 
 make: Any = summary  # whose functions are not typed
 
@@ -20,7 +20,7 @@ make: Any = summary  # whose functions are not typed
 def write_events(
     folder: Path,
     part: str,
-    pieces: Sequence[Piece],
+    artifacts: Sequence[Artifact],
     metrics: Mapping[str, float],
     trial: Mapping[str, Setting] | None,
 ) -> None:
@@ -29,7 +29,7 @@ def write_events(
     Args:
         folder: Folder of the run's events.
         part: Name of the part, with which its file ends.
-        pieces: What to show.
+        artifacts: What to show.
         metrics: Scalars by tag.
         trial: Hyper-parameters that make it a trial; None if it is none.
     """
@@ -46,47 +46,47 @@ def write_events(
             }
             for told in make.hparams(plain, {})[1:]:
                 writer.add_summary(told, 0)
-        for piece in pieces:
-            if not isinstance(piece, Points):
-                writer.add_summary(_summary(piece), 0)
+        for artifact in artifacts:
+            if not isinstance(artifact, Points):
+                writer.add_summary(_summary(artifact), 0)
     finally:
         writer.close()
-    if points := [piece for piece in pieces if isinstance(piece, Points)]:
+    if points := [artifact for artifact in artifacts if isinstance(artifact, Points)]:
         _write_projector(folder, points)
 
 
-def _summary(piece: Picture | Sound | Words) -> Any:  # noqa: ANN401  (protocol buffers have no types)
-    if isinstance(piece, Words):
-        return make.text(piece.tag, piece.markdown)
-    if isinstance(piece, Sound):
+def _summary(artifact: Picture | Sound | Words) -> Any:  # noqa: ANN401  (protocol buffers have no types)
+    if isinstance(artifact, Words):
+        return make.text(artifact.tag, artifact.markdown)
+    if isinstance(artifact, Sound):
         audio = Summary.Audio(
-            sample_rate=piece.rate, num_channels=1, length_frames=len(piece.samples),
-            encoded_audio_string=wav(piece.samples, piece.rate), content_type="audio/wav",
+            sample_rate=artifact.rate, num_channels=1, length_frames=len(artifact.samples),
+            encoded_audio_string=wav(artifact.samples, artifact.rate), content_type="audio/wav",
         )  # fmt: skip
-        return Summary(value=[Summary.Value(tag=piece.tag, audio=audio)])
-    with Image.open(io.BytesIO(piece.content)) as opened:
+        return Summary(value=[Summary.Value(tag=artifact.tag, audio=audio)])
+    with Image.open(io.BytesIO(artifact.content)) as opened:
         width, height = opened.size
     image = Summary.Image(
-        width=width, height=height, colorspace=3, encoded_image_string=piece.content
+        width=width, height=height, colorspace=3, encoded_image_string=artifact.content
     )
-    return Summary(value=[Summary.Value(tag=piece.tag, image=image)])
+    return Summary(value=[Summary.Value(tag=artifact.tag, image=image)])
 
 
 def _write_projector(folder: Path, points: Sequence[Points]) -> None:
     """Write embeddings for TensorBoard's projector, in place of earlier ones."""
     entries = []
-    for piece in points:
-        home = folder / "projector" / piece.tag
-        write_points(home, piece)
+    for artifact in points:
+        home = folder / "projector" / artifact.tag
+        write_points(home, artifact)
         lines = [
-            f'tensor_name: "{piece.tag}"',
-            f'tensor_path: "projector/{piece.tag}/tensors.tsv"',
-            f'metadata_path: "projector/{piece.tag}/metadata.tsv"',
+            f'tensor_name: "{artifact.tag}"',
+            f'tensor_path: "projector/{artifact.tag}/tensors.tsv"',
+            f'metadata_path: "projector/{artifact.tag}/metadata.tsv"',
         ]
-        if piece.thumbnails is not None:
-            side = piece.thumbnails.shape[1]
+        if artifact.thumbnails is not None:
+            side = artifact.thumbnails.shape[1]
             lines.append(
-                f'sprite {{ image_path: "projector/{piece.tag}/sprite.png" '
+                f'sprite {{ image_path: "projector/{artifact.tag}/sprite.png" '
                 f"single_image_dim: {side} single_image_dim: {side} }}"
             )
         entries.append("embeddings {\n  " + "\n  ".join(lines) + "\n}\n")

@@ -27,7 +27,7 @@ FIGURES = {
 }
 
 
-def figure_pieces(directory: Path, network: str) -> Iterator[Picture]:
+def figure_artifacts(directory: Path, network: str) -> Iterator[Picture]:
     """Yield the figures of a network in the run folder, as they were saved.
 
     Args:
@@ -39,7 +39,7 @@ def figure_pieces(directory: Path, network: str) -> Iterator[Picture]:
         yield Picture(FIGURES.get(name, f"figures/{name}"), file.read_bytes())
 
 
-def text_pieces(
+def text_artifacts(
     directory: Path, results: Mapping[str, Any], data: Mapping[str, str]
 ) -> Iterator[Words]:
     """Yield the command of a run, what its data are and its results.
@@ -63,7 +63,7 @@ def _table(rows: list[list[str]]) -> str:
     return "\n".join(markdown(first, others))
 
 
-def sample_pieces(
+def sample_artifacts(
     look: Callable[[int], ShownSample], outcomes: Sequence[Outcome], classes: Sequence[str]
 ) -> Iterator[Picture | Sound]:
     """Yield the worst samples, and both sides of the most confused pairs with their sounds.
@@ -114,7 +114,7 @@ def side_of(outcomes: Sequence[Outcome], label: str, predicted: str | None = Non
     return max(numbers, key=likely)
 
 
-def pair_pieces(
+def pair_artifacts(
     directory: Path, networks: Iterable[str], classes: Sequence[str]
 ) -> Iterator[Words]:
     """Yield a table of the pairs that one network confuses and another one tells apart.

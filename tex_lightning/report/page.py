@@ -20,7 +20,7 @@ from tex_lightning.evaluation.conditions import pool_conditions
 from tex_lightning.evaluation.metrics import METRICS, metrics_in, pooled_metrics, told
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, summarise
 from tex_lightning.report.data_page import data_pictures, data_tables
-from tex_lightning.report.errors import class_tables, error_cards
+from tex_lightning.report.misclassified import class_tables, error_cards
 from tex_lightning.report.table import (
     POOLED,
     TINY,

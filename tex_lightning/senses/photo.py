@@ -126,7 +126,7 @@ class PhotoSense(Sense):
     ) -> tuple[Tensor, Quality]:
         """Decode a file or pixels; ``colour`` is the order of an array's colours."""
         if isinstance(recording, str | Path):
-            photo = self.decoder.decode(Path(recording).expanduser())[0]
+            photo = self.decoder.decode(Path(recording).expanduser()).array
         else:
             pixels = as_pixels(recording, self.modality, colour)
             photo = self.decoder.scale(pixels, self.modality)

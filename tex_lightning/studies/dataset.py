@@ -21,10 +21,10 @@ from tex_lightning.data.recordings import Recording, Recordings, one_name
 from tex_lightning.data.store import Store, Unusable, cache_root, list_files
 from tex_lightning.errors import UserError, listed
 from tex_lightning.evaluation.conditions import Bins, condition_bins
-from tex_lightning.learning.leaks import as_trained, is_own, refuse_leak
+from tex_lightning.learning.provenance import as_trained, is_training_data, refuse_leak
 from tex_lightning.senses.base import Sense
 
-MAX_KINDS, MAX_NOTES = 5, 5  # ways of reading, and notes of files, that the opening lists
+EMPTY = Recordings(())
 log = logging.getLogger(__name__)
 SHOWN = 3  # parts that lack classes
 
@@ -150,7 +150,7 @@ def open_dataset(data: DataConfig, senses: Sequence[Sense]) -> Dataset:
     store = Store(cache_root(data.cache_dir), {sense.modality: sense.decoder for sense in senses})
     modalities = tuple(store.decoders)
     rows = read_recordings(data, modalities)
-    needed = rows.without(row for row in rows if row.modality not in modalities)
+    needed = rows.of(*modalities)
     recordings, unknown = hold_out(needed, data.hold_out)
     if len(recordings.classes) < 2:
         raise UserError(
@@ -194,7 +194,7 @@ def open_test_data(
     own = as_trained(data, card) if choose else data
     given = replace(own, test_where=data.test_where)  # other data may lack the training's
     table = read_recordings(given, card.modalities, least=1)
-    if choose and is_own(table, own, card):
+    if choose and is_training_data(table, own, card):
         data = given if data.test_where else own
     rows, held = hold_out(table, data.hold_out)
     if unknown := [label for label in rows.classes if label not in card.classes]:
@@ -204,30 +204,45 @@ def open_test_data(
         )
 
     def tested(part: Recordings) -> Recordings:
-        wanted = part.without(row for row in part if row.modality not in card.modalities)
-        test = split(wanted, data).test
+        test = split(part.of(*card.modalities), data).test
         refuse_leak(test, card, who, data)
         return replace(test, notes=part.notes)
 
-    store = open_store(data, classifier)
-    opened = Dataset.decode(tested(rows), tested(held), store, card.classes)
-    dataset = opened.usable(classifier.senses.values(), skip_bad=data.skip_bad)
+    dataset = decode_for(classifier, data, tested(rows), card.classes, tested(held))
     if not make_samples(dataset.recordings, card.modalities):
         raise UserError(
             f"{who} has nothing to be tested on in {tested_part(data)}; choose another "
             "data.test_fold or data.test_where, or data.test_fold=null for everything."
         )
-    used = table.without(row for row in table if row.modality not in card.modalities)
-    return replace(dataset, condition_bins=condition_bins(used)), data
+    return replace(dataset, condition_bins=condition_bins(table.of(*card.modalities))), data
 
 
-def open_store(data: DataConfig, classifier: SurfaceClassifier) -> Store:
-    """Open a store that decodes recordings with a checkpoint's settings."""
+def decode_for(
+    classifier: SurfaceClassifier,
+    data: DataConfig,
+    recordings: Recordings,
+    classes: list[str],
+    unknown: Recordings = EMPTY,
+) -> Dataset:
+    """Decode recordings as a checkpoint says, without those that it cannot use.
+
+    Args:
+        classifier: The loaded checkpoint.
+        data: Settings of the cache and of files: ``file_rate``, ``channels``, ``time_unit``.
+        recordings: Recordings of the modalities that the checkpoint uses.
+        classes: Class names of the data set.
+        unknown: Recordings of held-out classes.
+
+    Raises:
+        UserError: If files cannot be used, unless ``data.skip_bad`` leaves them out.
+    """
     decoders = {
         sense.modality: sense.decoder.assuming(data.file_rate, data.channels, data.time_unit)
         for sense in classifier.senses.values()
     }
-    return Store(cache_root(data.cache_dir), decoders)
+    store = Store(cache_root(data.cache_dir), decoders)
+    dataset = Dataset.decode(recordings, unknown, store, classes)
+    return dataset.usable(classifier.senses.values(), skip_bad=data.skip_bad)
 
 
 def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordings, Recordings]:

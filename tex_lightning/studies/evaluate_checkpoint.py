@@ -1,13 +1,17 @@
 """Test a checkpoint: its outcomes, its entry of ``results.json`` and its figures."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cache, lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from lightning.pytorch.loggers import Logger
+
+from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.card import CROSSVAL
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.config import Config
+from tex_lightning.config import Config, Folding, plain_values
 from tex_lightning.core.devices import computing_device
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store, Unusable, load_sample, skipped_entry
@@ -25,12 +29,25 @@ from tex_lightning.evaluation.outcomes import (
 from tex_lightning.inference.early_stopping import make_inference_model
 from tex_lightning.inference.engine import sample_macs
 from tex_lightning.inference.prediction import warn_of_few
+from tex_lightning.learning.loggers import log_test, trial_settings
+from tex_lightning.report.board import Artifact, shows
+from tex_lightning.report.embeddings import projector_artifacts
 from tex_lightning.report.figures import (
     calibration_figure,
     confusion_figure,
     recall_figure,
     save_figure,
 )
+from tex_lightning.report.gallery import (
+    figure_artifacts,
+    pair_artifacts,
+    sample_artifacts,
+    text_artifacts,
+)
+from tex_lightning.report.misclassified import SampleView
+from tex_lightning.report.samples import ShownSample, show_sample
+from tex_lightning.studies.dataset import Dataset
+from tex_lightning.studies.description import data_facts
 
 MIN_CALIBRATED = 50  # samples from which a calibration is drawn
 
@@ -146,3 +163,99 @@ def draw_figures(
         figures["calibration"] = calibration_figure(outcomes, name)
     for title, figure in figures.items():
         save_figure(figure, directory / "figures" / f"{name}_{title}")
+
+
+def log_network(
+    config: Config,
+    dataset: Dataset,
+    directory: Path,
+    loggers: Sequence[Logger],
+    networks: Mapping[str, Any],
+    trains: Sequence[Folding] = (),
+    further: Iterable[Artifact] = (),
+) -> None:
+    """Log a network that a run has tested, with its figures; of the last one the run's texts, too.
+
+    Args:
+        config: The configuration.
+        dataset: What it was trained and tested on.
+        directory: The run folder, whose figures are drawn.
+        loggers: Loggers of the network.
+        networks: Entries of ``results.json`` of the networks tested so far, this one the last.
+        trains: Divisions that it was trained on, which make it a trial among other trainings; a
+            test alone is none.
+        further: Further artifacts, made where a logger shows any.
+    """
+    *_, name = networks
+    model, values = config.model, plain_values(config)
+    artifacts: list[Artifact] = []
+    if showing := shows(loggers):
+        artifacts += [*figure_artifacts(directory, name), *further]
+    if showing and (not trains or name == model.kind):
+        results = {"classes": dataset.classes, "networks": networks}
+        facts = data_facts(config.data, dataset, trains)
+        artifacts += text_artifacts(directory, results, facts)
+        artifacts += pair_artifacts(directory, networks, dataset.classes)
+    trial = trial_settings(directory, model.name, config.data.name, name) if trains else None
+    told = values if trains else {key: values[key] for key in ("seed", "data")}
+    log_test(loggers, name, told, networks[name], artifacts, trial)
+
+
+def view_samples(
+    classifier: SurfaceClassifier,
+    samples: Sequence[Sample],
+    outcomes: Sequence[Outcome],
+    store: Store,
+) -> SampleView:
+    """Return what looks at each test sample of a network once."""
+
+    @cache
+    def look(number: int) -> ShownSample:
+        return show_sample(classifier, samples[number], outcomes[number], store)
+
+    return look
+
+
+def test_artifacts(
+    classifier: SurfaceClassifier,
+    samples: Sequence[Sample],
+    outcomes: Sequence[Outcome],
+    store: Store,
+    look: SampleView,
+) -> Iterator[Artifact]:
+    """Yield what is seen of a network's test: samples to look at and to hear, and embeddings."""
+    yield from sample_artifacts(look, outcomes, classifier.card.classes)
+    yield from projector_artifacts(classifier, samples, outcomes, store)
+
+
+def fold_samples(dataset: Dataset, outcomes: Sequence[Outcome]) -> list[Sample]:
+    """Return the samples of the outcomes of all folds."""
+    rows = {(row.modality, row.source): row for row in dataset.recordings}
+    return [
+        Sample(outcome.label, {key: rows[key, file] for key, file in outcome.files.items()})
+        for outcome in outcomes
+    ]
+
+
+def view_samples_by_fold(
+    dataset: Dataset,
+    samples: Sequence[Sample],
+    outcomes: Sequence[Outcome],
+    checkpoints: Mapping[str, Path],
+) -> SampleView:
+    """Return what looks at each sample of a cross-validation as the network of its fold does.
+
+    Args:
+        dataset: The recordings of all folds.
+        samples: The samples.
+        outcomes: Outcomes of all folds.
+        checkpoints: File of the network by fold.
+    """
+    load = lru_cache(maxsize=2)(load_classifier)
+
+    @cache
+    def look(number: int) -> ShownSample:
+        outcome = outcomes[number]
+        return show_sample(load(checkpoints[outcome.fold]), samples[number], outcome, dataset.store)
+
+    return look

@@ -20,18 +20,20 @@ from tex_lightning.evaluation.outcomes import RANDOM, write_results
 from tex_lightning.inference.prediction import name_conflict
 from tex_lightning.learning.loggers import log_test
 from tex_lightning.learning.train import Training, train_networks
-from tex_lightning.learning.trial import try_custom_parts, try_training
-from tex_lightning.report.board import Piece
-from tex_lightning.report.errors import keep_samples
+from tex_lightning.learning.training_check import check_custom_parts, check_training
+from tex_lightning.report.board import Artifact
+from tex_lightning.report.misclassified import keep_samples
 from tex_lightning.studies.dataset import Dataset, open_dataset
 from tex_lightning.studies.description import show_opening
 from tex_lightning.studies.evaluate_checkpoint import (
     describe_network,
     draw_figures,
+    log_network,
     report_network,
     results_frame,
+    test_artifacts,
+    view_samples,
 )
-from tex_lightning.studies.logged import log_network, looking, test_pieces
 
 log = logging.getLogger(__name__)
 
@@ -46,12 +48,12 @@ def open_training(config: Config, directory: Path) -> Dataset:
     Raises:
         UserError: If the data or the networks cannot be used.
     """
-    senses = try_training(config, configured_card(config, ["one", "other"]), directory)
+    senses = check_training(config, configured_card(config, ["one", "other"]), directory)
     dataset = open_dataset(config.data, senses)
     if config.decision.unknown and LABEL in dataset.classes:
         raise name_conflict("The data has")
     card = configured_card(config, dataset.classes)
-    try_custom_parts(config, card, senses, dataset.recordings, dataset.store)
+    check_custom_parts(config, card, senses, dataset.recordings, dataset.store)
     return dataset.usable(senses, skip_bad=config.data.skip_bad)
 
 
@@ -182,14 +184,14 @@ def _test_network(
     kind, modalities = classifier.card.kind, classifier.card.modalities
     samples = make_samples(parts.test, modalities)
     unknown = make_samples(split(dataset.unknown, config.data, trains=True).test, modalities)
-    further: Iterable[Piece] = ()
+    further: Iterable[Artifact] = ()
     if samples:
         result, outcomes = report_network(
             classifier, checkpoint, samples, store, directory, config, unknown,
             dataset.condition_bins,
         )  # fmt: skip
-        look = looking(classifier, samples, outcomes, store)
-        further = test_pieces(classifier, samples, outcomes, store, look)
+        look = view_samples(classifier, samples, outcomes, store)
+        further = test_artifacts(classifier, samples, outcomes, store, look)
         if draw:
             draw_figures(outcomes, dataset.classes, kind, directory)
             keep_samples(directory, kind, look, outcomes, samples, dataset.classes)

@@ -15,9 +15,9 @@ from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.inference.predictor import Predictor
 from tex_lightning.learning.adaptation import adapt, check_adaptable
-from tex_lightning.learning.leaks import seen_of
-from tex_lightning.learning.statistics import position_features
-from tex_lightning.studies.dataset import Dataset, open_store
+from tex_lightning.learning.finish import position_features
+from tex_lightning.learning.provenance import seen_of
+from tex_lightning.studies.dataset import Dataset, decode_for
 from tex_lightning.studies.description import show_opening
 from tex_lightning.studies.evaluate_checkpoint import results_frame
 from tex_lightning.tasks.predict import find_files
@@ -80,13 +80,11 @@ def open_unlabelled(predictor: Predictor) -> Dataset:
         )
     else:
         table = read_recordings(data, card.modalities, least=1)
-        wanted = table.without(row for row in table if row.modality not in card.modalities)
-        tested = split(wanted, data).test
+        tested = split(table.of(*card.modalities), data).test
         rows = tested.without(seen_of(tested, card))
         if not rows.rows:
             raise UserError(
                 f"There is nothing to adapt to in {tested_part(data)} that the checkpoint was not "
                 "trained on; give other recordings."
             )
-    opened = Dataset.decode(rows, Recordings(()), open_store(data, classifier), card.classes)
-    return opened.usable(classifier.senses.values(), skip_bad=data.skip_bad)
+    return decode_for(classifier, data, rows, card.classes)

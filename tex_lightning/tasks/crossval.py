@@ -29,11 +29,16 @@ from tex_lightning.evaluation.outcomes import (
     write_results,
 )
 from tex_lightning.learning.loggers import open_loggers
-from tex_lightning.report.errors import keep_samples
-from tex_lightning.report.gallery import sample_pieces
+from tex_lightning.report.gallery import sample_artifacts
+from tex_lightning.report.misclassified import keep_samples
 from tex_lightning.report.table import print_results
 from tex_lightning.studies.dataset import Dataset
-from tex_lightning.studies.evaluate_checkpoint import draw_figures
+from tex_lightning.studies.evaluate_checkpoint import (
+    draw_figures,
+    fold_samples,
+    log_network,
+    view_samples_by_fold,
+)
 from tex_lightning.studies.fold import (
     chosen_folds,
     finished_fold,
@@ -42,7 +47,6 @@ from tex_lightning.studies.fold import (
     run_fold,
     training_results,
 )
-from tex_lightning.studies.logged import fold_samples, log_network, looking_by_fold
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
@@ -73,9 +77,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         files = {home.name: checkpoint_of(home, name) for home in folds}
         outcomes = read_outcomes(job.directory / "predictions" / f"{name}.csv")
         samples = fold_samples(dataset, outcomes)
-        look = looking_by_fold(dataset, samples, outcomes, files)
+        look = view_samples_by_fold(dataset, samples, outcomes, files)
         keep_samples(job.directory, name, look, outcomes, samples, dataset.classes)
-        further = sample_pieces(look, outcomes, dataset.classes)
+        further = sample_artifacts(look, outcomes, dataset.classes)
         log_network(config, dataset, job.directory, loggers, networks, divisions, further)
     seconds = spent + sum(results["wall_seconds"] for results in folds.values())
     results = training_results(config, dataset, networks, seconds)

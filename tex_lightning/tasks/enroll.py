@@ -14,15 +14,15 @@ from tex_lightning.config.composition import Job
 from tex_lightning.core.console import say
 from tex_lightning.core.devices import pick_device
 from tex_lightning.data.folds import split
-from tex_lightning.data.quality import training_ranges
+from tex_lightning.data.inspection import training_ranges
 from tex_lightning.data.readers import read_recordings
-from tex_lightning.data.recordings import Recordings, plural
+from tex_lightning.data.recordings import plural
 from tex_lightning.errors import UserError, listed
 from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.learning.enrolment import add_classes
-from tex_lightning.learning.leaks import digests
-from tex_lightning.learning.statistics import position_features
-from tex_lightning.studies.dataset import Dataset, open_store
+from tex_lightning.learning.finish import position_features
+from tex_lightning.learning.provenance import digests
+from tex_lightning.studies.dataset import Dataset, decode_for
 from tex_lightning.studies.description import show_opening
 from tex_lightning.studies.evaluate_checkpoint import results_frame
 
@@ -81,9 +81,7 @@ def open_new_classes(data: DataConfig, classifier: SurfaceClassifier) -> Dataset
             f"The checkpoint already has {listed(table.classes)}; give recordings of a new class."
         )
     rows = split(table.in_classes(names), data, trains=True).train
-    needed = rows.without(row for row in rows if row.modality not in card.modalities)
-    opened = Dataset.decode(needed, Recordings(()), open_store(data, classifier), names)
-    dataset = opened.usable(classifier.senses.values(), skip_bad=data.skip_bad)
+    dataset = decode_for(classifier, data, rows.of(*card.modalities), names)
     for modality in card.modalities:
         learnt = {row.label for row in dataset.recordings.of(modality)}
         if absent := [name for name in names if name not in learnt]:

@@ -16,7 +16,7 @@ from tex_lightning.errors import UserError, listed
 from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.report.data_page import print_findings
 from tex_lightning.senses.base import Sense, make_sense
-from tex_lightning.studies.dataset import Dataset
+from tex_lightning.studies.dataset import EMPTY, Dataset
 from tex_lightning.studies.description import keep_description, show_opening
 from tex_lightning.studies.evaluate_checkpoint import results_frame
 
@@ -57,7 +57,7 @@ def _open(config: Config) -> tuple[Dataset, list[Sense]]:
     if unread:
         note = f"No sense reads {listed(unread)}, and they are passed over."
         rows = replace(rows, notes=(*rows.notes, note))
-    dataset = Dataset.decode(rows, Recordings(()), store, table.classes)
+    dataset = Dataset.decode(rows, EMPTY, store, table.classes)
     if not len(dataset.recordings):
         raise UserError(
             f"None of {len(rows)} recordings can be read; the first: {dataset.skipped[0].reason}"

@@ -1,7 +1,7 @@
 """Try a part of one's own as a training would, before there are any data.
 
 The part is trained on a few recordings of noise, saved, loaded into another one and compared, by
-the code that tries it before every training (:mod:`tex_lightning.classifier.trial`).
+the code that tries it before every training (:mod:`tex_lightning.classifier.contract_check`).
 """
 
 import pickle
@@ -19,7 +19,7 @@ from torch import Tensor, nn
 from tex_lightning.baselines.base import Baseline
 from tex_lightning.baselines.classifier import BaselineClassifier, check_is_baseline
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.classifier.trial import BATCH, UNSAVED, check_baseline, check_trunk
+from tex_lightning.classifier.contract_check import BATCH, UNSAVED, check_baseline, check_trunk
 from tex_lightning.core.contract import breach, calling, check_call
 from tex_lightning.data.readers import read_table
 from tex_lightning.data.store import load_recording

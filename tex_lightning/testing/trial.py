@@ -16,7 +16,7 @@ from torch import Tensor, nn
 
 from tex_lightning.classifier.card import configured_card
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.classifier.trial import FITTED, try_parts
+from tex_lightning.classifier.contract_check import FITTED, check_parts
 from tex_lightning.config import Config
 from tex_lightning.config.composition import compose_config, read_config
 from tex_lightning.data.readers.arrays import write_sample
@@ -157,7 +157,7 @@ class Trial:
         model = config_of(SENSES[sense.medium], self.rate).model
         fit, piece = model.fit_values(model.kind), model.sense(model.kind).fit.piece
         with self.recordings(sense) as (recordings, store):
-            try_parts(one, other, fit, piece, recordings, store, change)
+            check_parts(one, other, fit, piece, recordings, store, change)
 
     def fitting(
         self, call: Callable[[str], Any], suits: Callable[[str, Any], bool]

@@ -156,7 +156,7 @@ def test_strokes_of_cluster_have_conditions_and_the_rate_of_their_stamps(tiny):
             assert row.path.stem == "_".join((row.label, *dict(row.conditions).values()))
     first = rows.of("haptic").rows[0]
     assert [name for name, _ in first.conditions] == ["direction", "speed", "force", "repetition"]
-    trace, source = SignalDecoder(RATE).decode(first.path)
+    trace, source, _ = SignalDecoder(RATE).decode(first.path)
     assert source == pytest.approx(RATE, rel=2e-3)
     np.testing.assert_allclose(trace.std(axis=1), tone(0, RATE, 0.6, 0, 3).std(axis=1), rtol=0.02)
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from tex_lightning.config import DataConfig
-from tex_lightning.config.instantiation import OWN, build
+from tex_lightning.config.instantiation import PACKAGE, build
 from tex_lightning.core.contract import calling
 from tex_lightning.data.folds import check_conditions, with_folds
 from tex_lightning.data.recordings import (
@@ -55,7 +55,7 @@ def read_table(reader: Any) -> Recordings:  # noqa: ANN401
         Exception: Any exception of a custom reader, with a note of its contract.
     """
     name = type(reader).__name__
-    if type(reader).__module__.startswith(OWN):
+    if type(reader).__module__.startswith(PACKAGE):
         return checked_table(reader.read(), name)
     with calling("data.reader", "reader", reader):
         table = reader.read()

@@ -18,7 +18,7 @@ from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
 from tex_lightning.learning.module import SurfaceModule
-from tex_lightning.learning.trial import try_baseline, try_sense
+from tex_lightning.learning.training_check import check_fitted_baseline, check_sense
 
 RATE = 1000.0
 FIT = {"epochs": 1, "perturb": [], "perturbed_copies": 0, "head_factor": 1.0}
@@ -80,19 +80,19 @@ def module(card: Card) -> SurfaceModule:
 )
 def test_parts_that_break_their_contract(world, part, spoil, said):
     with pytest.raises(UserError, match=said):
-        try_sense(module(card(**{part: {"spoil": spoil}})), *world)
+        check_sense(module(card(**{part: {"spoil": spoil}})), *world)
 
 
 def test_a_score_layer_of_other_features_is_found_before_the_training(world):
     with pytest.raises(RuntimeError, match="shapes") as caught:
-        try_sense(module(card(network={"spoil": "blind"})), *world)
+        check_sense(module(card(network={"spoil": "blind"})), *world)
     assert fault_of(caught.value).startswith("model.force.network (SpoiltNet) raised RuntimeError")
 
 
 @pytest.mark.parametrize("part", ["features", "network"])
 def test_what_a_part_raises_keeps_its_traceback_after_its_key(world, part):
     with pytest.raises(KeyError, match="boom of a user") as caught:
-        try_sense(module(card(**{part: {"spoil": "raise"}})), *world)
+        check_sense(module(card(**{part: {"spoil": "raise"}})), *world)
     said = fault_of(caught.value)
     assert said.startswith(f"model.force.{part} (")
     assert "raised KeyError" in said
@@ -101,9 +101,9 @@ def test_what_a_part_raises_keeps_its_traceback_after_its_key(world, part):
 
 def test_what_keeps_its_contract_passes(world, caplog):
     with caplog.at_level(logging.WARNING):
-        try_sense(module(card({"spoil": "buffer"})), *world)
+        check_sense(module(card({"spoil": "buffer"})), *world)
         assert not caplog.records
-        try_sense(module(card({"spoil": "parameter"})), *world)
+        check_sense(module(card({"spoil": "parameter"})), *world)
     assert "model.force.features (Frames) has parameters, and training does not" in caplog.text
 
 
@@ -116,7 +116,7 @@ def try_loudness(spoil: str) -> None:
     rng = np.random.default_rng(0)
     traces = [level * rng.standard_normal(900).astype(np.float32) for level in (1, 9, 1)]
     classifier.baseline.fit(traces, np.array([0, 1, 0]), seed=0, groups="aab")
-    try_baseline(classifier, [torch.from_numpy(trace)[None] for trace in traces])
+    check_fitted_baseline(classifier, [torch.from_numpy(trace)[None] for trace in traces])
 
 
 @pytest.mark.parametrize(

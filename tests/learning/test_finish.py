@@ -8,7 +8,7 @@ from scipy.stats import binomtest
 import tex_lightning as tl
 from tex_lightning.classifier.card import novelty_threshold
 from tex_lightning.classifier.statistics import FeatureStatistics
-from tex_lightning.learning.statistics import leave_out_each
+from tex_lightning.learning.finish import leave_out_each
 
 
 def traces(kind, numbers):

@@ -1,16 +1,22 @@
-"""Record the training recordings in a checkpoint, and raise an error when they are tested."""
+"""Provenance of weights: which recordings they were trained on, and which weights they began from.
+
+The card of a checkpoint keeps digests of its training recordings. Testing it on one of them is a
+leak and raises an error, and so does starting a training from weights that have seen its test part.
+"""
 
 import hashlib
 import json
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.classifier.card import Card
-from tex_lightning.config import DataConfig, Folding
+from tex_lightning.classifier.card import SUFFIX, Card
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.config import Config, DataConfig, Folding
 from tex_lightning.data.folds import Split, as_override, split
+from tex_lightning.data.inspection import training_ranges
 from tex_lightning.data.recordings import (
     Part,
     Recording,
@@ -19,13 +25,86 @@ from tex_lightning.data.recordings import (
     read_part,
     write_part,
 )
-from tex_lightning.data.store import fingerprint
+from tex_lightning.data.store import Store, fingerprint
 from tex_lightning.errors import UserError
 from tex_lightning_runtime.traces import axis_files
 
 FOLD_KEYS = ("folds", "test_fold", "inverted", "val_fold")
 WHERE, PER_CLASS = "test_where", "per_class"
 ENDS_BYTES, ENDS_DIGITS = 65_536, 16
+
+
+def load_start(path: Path, card: Card, test: Recordings, data: DataConfig) -> SurfaceClassifier:
+    """Read a unimodal checkpoint, if FusionNet may start from it.
+
+    Args:
+        path: The checkpoint.
+        card: Card of such a network as this run would train it.
+        test: The test recordings.
+        data: Division into folds or by condition.
+
+    Raises:
+        UserError: If it is no such network, classes differ, or it has seen the fold that this run
+            tests.
+    """
+    start = SurfaceClassifier.from_checkpoint(path, card.kind)
+    theirs = start.card
+    if theirs.classes != card.classes:
+        raise UserError(
+            f"Checkpoint {path} knows {len(theirs.classes)} classes that are not the "
+            f"{len(card.classes)} of this data; train it on the same data."
+        )
+    refuse_leak(test.of(theirs.modalities[0]), theirs, f"Checkpoint {path}", data)
+    return start
+
+
+def complete_recipe(
+    config: Config,
+    card: Card,
+    parts: Split,
+    store: Store,
+    starts: Mapping[str, SurfaceClassifier],
+    known: Mapping[str, Any],
+) -> Card:
+    """Add to the card of a network to train what its data say, and what it starts from.
+
+    Args:
+        config: Names the weights that a trunk starts from, and the fold.
+        card: Card of the network as it is configured.
+        parts: Recordings by part.
+        store: Decoded files.
+        starts: By sense the networks that FusionNet starts from: its senses are theirs.
+        known: What is known of the training beforehand.
+
+    Raises:
+        UserError: If its trunk cannot be used or has seen what is to be tested.
+    """
+    begun = [start.card for start in starts.values()]
+    ranges = {name: seen for start in begun for name, seen in start.input_ranges.items()}
+    for name in card.modalities:
+        if name not in ranges:
+            ranges[name] = training_ranges(parts.train.of(name), store)
+    senses = {**card.senses, **{name: start.card.senses[name] for name, start in starts.items()}}
+    source = None if card.baseline or begun else config.sources.get(card.kind)
+    if source is not None and (start := starting_classifier(source, card.kind)) is not None:
+        test = parts.test.of(card.modalities[0])
+        refuse_leak(test, start.card, f"weights: checkpoint {source}", config.data)
+        begun.append(start.card)
+    seen = trained_on(card, parts, config.data, begun, source)
+    return replace(card, senses=senses, input_ranges=ranges, trained_on=seen, training=dict(known))
+
+
+def starting_classifier(source: str, kind: str) -> SurfaceClassifier | None:
+    """Return the classifier in a checkpoint, from whose trunk a network of that kind can start.
+
+    Returns:
+        None where ``source`` is no checkpoint of this package but a file with ImageNet's weights.
+
+    Raises:
+        UserError: If it is a checkpoint and cannot be used.
+    """
+    path = Path(source)
+    return SurfaceClassifier.from_checkpoint(path, kind) if path.suffix == SUFFIX else None
 
 
 def trained_on(
@@ -143,7 +222,7 @@ def as_trained(data: DataConfig, card: Card) -> DataConfig:
     return replace(data, **{"inverted": False, **told, "reader": reader})
 
 
-def is_own(rows: Recordings, division: Folding, card: Card) -> bool:
+def is_training_data(rows: Recordings, division: Folding, card: Card) -> bool:
     """Return whether a data set is the one of a training: most of what it would see was seen.
 
     Args:

@@ -18,9 +18,8 @@ from tex_lightning.config.composition import Job
 from tex_lightning.config.instantiation import find_class
 from tex_lightning.config.overrides import key_of, parsed_overrides
 from tex_lightning.config.tasks import TRAINING
-from tex_lightning.data.decode import SignalDecoder, check_decoding, read_trace
+from tex_lightning.data.decode import SignalDecoder, check_decoding, keeping_traces, read_trace
 from tex_lightning.data.folds import count_folds
-from tex_lightning.data.kept import keeping_traces
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recording
 from tex_lightning.errors import UserError
@@ -44,7 +43,9 @@ RATE = "data.sampling_rate"
 SLOW_RATE = 500.0  # Hz; below it a signal's level and direction tell much: pressure, gravity
 
 
-def settled(config: Config, composed: DictConfig, job: Job) -> tuple[Config, DictConfig, Job]:
+def derive_settings(
+    config: Config, composed: DictConfig, job: Job
+) -> tuple[Config, DictConfig, Job]:
     """Settle what follows from the user's recordings.
 
     Args:
@@ -58,7 +59,7 @@ def settled(config: Config, composed: DictConfig, job: Job) -> tuple[Config, Dic
     Raises:
         UserError: If a key or value cannot be used, or the data set cannot be read.
     """
-    given = with_defaults(config.task, config.data, config.model, job)
+    given = with_derived(config.task, config.data, config.model, job)
     if given.overrides != job.overrides:
         composed = _recomposed(composed, job, given)
         config = checked_config(composed)
@@ -80,7 +81,7 @@ def _recomposed(composed: DictConfig, job: Job, given: Job) -> DictConfig:
 
 
 @keeping_traces()
-def with_defaults(task: str, data: DataConfig, model: ModelConfig, job: Job) -> Job:
+def with_derived(task: str, data: DataConfig, model: ModelConfig, job: Job) -> Job:
     """Return the job with the overrides that follow from the user's recordings.
 
     Args:

@@ -8,9 +8,9 @@ from torch import Tensor
 from tex_lightning.baselines.classifier import BaselineClassifier
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.classifier.trial import BATCH, check_baseline, try_parts
+from tex_lightning.classifier.contract_check import BATCH, check_baseline, check_parts
 from tex_lightning.config import Config
-from tex_lightning.config.instantiation import OWN
+from tex_lightning.config.instantiation import PACKAGE
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.run_folder import checkpoint_of
 from tex_lightning.data.recordings import Recordings
@@ -28,7 +28,7 @@ from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.senses.base import Sense
 
 
-def try_training(config: Config, card: Card, directory: Path) -> list[Sense]:
+def check_training(config: Config, card: Card, directory: Path) -> list[Sense]:
     """Make all parts of the training of a model once, so that errors show before it starts.
 
     Args:
@@ -78,7 +78,7 @@ def _try_sense(config: Config, card: Card, source: str | None) -> Sense:
     return sense
 
 
-def try_custom_parts(
+def check_custom_parts(
     config: Config, card: Card, senses: Sequence[Sense], recordings: Recordings, store: Store
 ) -> None:
     """Train the senses with custom parts on two recordings, as in the run.
@@ -98,10 +98,10 @@ def try_custom_parts(
         name, augmentation = sense.name, model.fit_values(sense.name).get("augmentation")
         builtin = sense.is_builtin and augmentation is None
         if not builtin and name not in model.checkpoints:
-            try_sense(make_module(config, card.of([name])), recordings, store)
+            check_sense(make_module(config, card.of([name])), recordings, store)
 
 
-def try_sense(module: SurfaceModule, recordings: Recordings, store: Store) -> None:
+def check_sense(module: SurfaceModule, recordings: Recordings, store: Store) -> None:
     """Train one sense with custom parts on two recordings, save and load it.
 
     Args:
@@ -114,10 +114,10 @@ def try_sense(module: SurfaceModule, recordings: Recordings, store: Store) -> No
     """
     classifier, piece = module.classifier, module.pieces[module.kind]
     rebuilt, fit = _rebuilt(classifier), module.fit_config
-    try_parts(classifier, rebuilt, fit, piece, recordings, store, module.change)
+    check_parts(classifier, rebuilt, fit, piece, recordings, store, module.change)
 
 
-def try_baseline(classifier: BaselineClassifier, recordings: Sequence[Tensor]) -> None:
+def check_fitted_baseline(classifier: BaselineClassifier, recordings: Sequence[Tensor]) -> None:
     """Check what a user's fitted baseline gives, and that its state is all that it has learnt.
 
     Args:
@@ -127,7 +127,7 @@ def try_baseline(classifier: BaselineClassifier, recordings: Sequence[Tensor]) -
     Raises:
         UserError: If it does not keep its contract.
     """
-    if type(classifier.baseline).__module__.startswith(OWN):
+    if type(classifier.baseline).__module__.startswith(PACKAGE):
         return
     check_baseline(classifier, _rebuilt(classifier), recordings[:BATCH])
 

@@ -13,7 +13,7 @@ from html.parser import HTMLParser
 import pytest
 
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes
-from tex_lightning.report.errors import class_tables, error_cards
+from tex_lightning.report.misclassified import class_tables, error_cards
 from tex_lightning.report.page import write_report
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")

@@ -13,8 +13,7 @@ from torch import Tensor
 
 from tex_lightning.classifier.card import NOVELTIES, Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.classifier.statistics import FeatureStatistics
-from tex_lightning.classifier.training_rows import TrainingRows
+from tex_lightning.classifier.statistics import FeatureStatistics, TrainingRows
 from tex_lightning.config import EngineConfig
 from tex_lightning.core.groups import leave_out
 from tex_lightning.core.progress import track
@@ -31,7 +30,7 @@ MAX_FEATURE = 1e18  # whose square is a float32
 REACH = 0.9  # share of left-out recordings that are like the training
 
 
-def keep_statistics(
+def set_statistics(
     classifier: SurfaceClassifier,
     rows: Recordings,
     store: Store,
@@ -102,7 +101,7 @@ def statistics_with_reach(
 ) -> tuple[FeatureStatistics, list[float | None]]:
     """Return statistics with reach and error, and novelties, of recordings left out in turn.
 
-    Arguments are those of :func:`leave_out_each`; novelties are those of :func:`keep_statistics`.
+    Arguments are those of :func:`leave_out_each`; novelties are those of :func:`set_statistics`.
     """
     statistics = FeatureStatistics.of(features, labels, classes)
     measured = leave_out_each(features, labels, classes, groups)

@@ -11,7 +11,7 @@ from tex_lightning.data.folds import split
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import fingerprint
 from tex_lightning.errors import UserError
-from tex_lightning.learning.leaks import _ends, digests, refuse_leak, trained_on
+from tex_lightning.learning.provenance import _ends, digests, refuse_leak, trained_on
 
 FOLDS = Folding(folds=2, test_fold=0, inverted=False)
 

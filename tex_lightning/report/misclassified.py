@@ -26,14 +26,14 @@ FOLDER = "samples"
 MAX_WRONG = 50  # wrong samples of a network that are kept, the worst of them
 HEARD = 2.0  # s of a sound
 LOWEST = 11_025  # Hz: faster sounds are kept at half, a quarter, … of their rate down to it
-Look = Callable[[int], ShownSample]
+SampleView = Callable[[int], ShownSample]
 Kept = dict[str, Any]
 
 
 def keep_samples(
     directory: Path,
     network: str,
-    look: Look,
+    look: SampleView,
     outcomes: Sequence[Outcome],
     samples: Sequence[Sample],
     classes: Sequence[str],

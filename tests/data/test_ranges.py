@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tex_lightning.data.decode import SignalDecoder
-from tex_lightning.data.quality import training_ranges
+from tex_lightning.data.inspection import training_ranges
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 

@@ -39,7 +39,7 @@ EXACT_SECONDS, EXACT_SAMPLES = 3, 1000  # whichever is longer
 PER_OCTAVE = 4  # of power, in which fragments are told apart that may turn out to be rests
 
 
-class Judged(NamedTuple):
+class MarkedSignal(NamedTuple):
     """A part of a signal (axes, samples), and which samples (samples,) belong to a rest."""
 
     signal: Tensor
@@ -67,7 +67,7 @@ class LiveRests:
         self.limit = 0.0  # power below which blocks are quiet
         self.pending: Tensor | None = None
 
-    def push(self, new: Tensor, ahead: Tensor) -> tuple[Judged, Judged]:
+    def push(self, new: Tensor, ahead: Tensor) -> tuple[MarkedSignal, MarkedSignal]:
         """Return what is settled now, and what comes after it.
 
         Args:
@@ -83,8 +83,8 @@ class LiveRests:
             settled = blocks * self.length
             rests = self._judge(now, self.length, blocks)
         self.pending = pending[:, settled:].clone()
-        first = Judged(now[:, :settled], rests[:settled])
-        return first, Judged(now[:, settled:], rests[settled:])
+        first = MarkedSignal(now[:, :settled], rests[:settled])
+        return first, MarkedSignal(now[:, settled:], rests[settled:])
 
     def _judge(self, now: Tensor, length: int, settled: int) -> Tensor:
         power = block_power(now, length).cpu().numpy()
@@ -120,7 +120,7 @@ class Sums:
         )
 
 
-class Continued(ABC):
+class RunningVote(ABC):
     """The vote of one sense over a signal that goes on.
 
     Args:
@@ -170,7 +170,7 @@ class Continued(ABC):
             return self._go_on(*self.rests.push(new, ahead))
 
     @abstractmethod
-    def _go_on(self, settled: Judged, rest: Judged) -> Vote:
+    def _go_on(self, settled: MarkedSignal, rest: MarkedSignal) -> Vote:
         """Return the vote when more of the signal is settled, and the rest comes after."""
 
     def _embedding(self, x: Tensor) -> Tensor:
@@ -226,7 +226,7 @@ class Continued(ABC):
         return class_scores(self.sense.network, embedding, whole)
 
 
-class ContinuedSpectrogram(Continued):
+class RunningSpectrogramVote(RunningVote):
     """Of a network whose positions each see a window of a spectrogram.
 
     Attributes:
@@ -248,7 +248,7 @@ class ContinuedSpectrogram(Continued):
         self.first = self.length = self.cut = 0
         self.last: Vote | None = None
 
-    def _go_on(self, settled: Judged, rest: Judged) -> Vote:
+    def _go_on(self, settled: MarkedSignal, rest: MarkedSignal) -> Vote:
         moving = (~torch.cat((settled.rests, rest.rests))).nonzero()
         self.cut = self.length + int(moving[-1]) + 1 if len(moving) else self.cut
         self.length += settled.signal.shape[1]
@@ -290,7 +290,7 @@ class ContinuedSpectrogram(Continued):
         return self.last
 
 
-class ContinuedProportions(Continued):
+class RunningProportionsVote(RunningVote):
     """Of band proportions and a linear network.
 
     Attributes:
@@ -309,7 +309,7 @@ class ContinuedProportions(Continued):
         self.kept: Tensor | None = None
         self.first, self.sum = 0, torch.zeros(())
 
-    def _go_on(self, settled: Judged, rest: Judged) -> Vote:
+    def _go_on(self, settled: MarkedSignal, rest: MarkedSignal) -> Vote:
         more, ahead = settled.movement, rest.movement
         self.kept = more if self.kept is None else torch.cat((self.kept, more), dim=1)
         self.sum = self.sum.cpu() + more.cpu().double().sum(dim=1, keepdim=True)
@@ -377,7 +377,7 @@ class ContinuedProportions(Continued):
         return max(1, min(most, self.features.count_fragments(samples)) - self.count)
 
 
-def continued(classifier: SurfaceClassifier) -> Continued | None:
+def running_vote(classifier: SurfaceClassifier) -> RunningVote | None:
     """Return what continues the votes of a classifier; None where all of a signal has to be kept.
 
     That is so for several senses, whose fragments are drawn at random, for baselines, for features
@@ -388,8 +388,8 @@ def continued(classifier: SurfaceClassifier) -> Continued | None:
     (sense,) = classifier.senses.values()
     features, network = sense.features, sense.network
     if type(features) is BandProportions and type(network) is LinearNet:
-        return ContinuedProportions(classifier)
+        return RunningProportionsVote(classifier)
     by_frame = type(features) is SpectrogramFeatures and features.axes == "frame"
     if by_frame and features.normalisation == "standard" and sense.geometry is not None:
-        return ContinuedSpectrogram(classifier)
+        return RunningSpectrogramVote(classifier)
     return None

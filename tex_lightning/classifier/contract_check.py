@@ -27,7 +27,7 @@ BATCH = 2
 UNSAVED = "gives other outputs once it is saved and loaded"
 
 
-def try_parts(
+def check_parts(
     classifier: SurfaceClassifier,
     rebuilt: SurfaceClassifier,
     fit: Mapping[str, Any],

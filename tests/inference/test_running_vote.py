@@ -14,9 +14,8 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.vote import RULES, Tally
 from tex_lightning.config import StreamConfig
 from tex_lightning.errors import UserError
-from tex_lightning.inference.continued import LiveRests
-from tex_lightning.inference.live_signal import FlowingSignal
-from tex_lightning.inference.stream import LiveStream
+from tex_lightning.inference.running_vote import LiveRests
+from tex_lightning.inference.stream import LiveStream, ResampledSignal
 from tex_lightning.senses.features.movement import block_length, resting
 from tex_lightning_runtime.quality import Level, Survey, level, limits, trace_quality
 
@@ -131,10 +130,10 @@ def test_a_slow_signal_has_the_label_of_the_whole_recording():
 
 def held(stream: LiveStream) -> int:
     """Bytes of the samples, frames and sums that a stream holds, but for its classifier."""
-    (signal,), parts = stream.signals.values(), vars(stream.continued).values()
-    rests = vars(stream.continued.rests).values()
+    (signal,), parts = stream.signals.values(), vars(stream.running_vote).values()
+    rests = vars(stream.running_vote.rests).values()
     arrays = [x for x in (*parts, *rests) if isinstance(x, torch.Tensor)]
-    sums = [x.total for x in stream.continued.sums.values()]
+    sums = [x.total for x in stream.running_vote.sums.values()]
     return signal.kept.nbytes + sum(x.nbytes for x in (*arrays, *sums))
 
 
@@ -168,7 +167,7 @@ def test_faults_are_those_of_the_whole(cuts, top):
 
 @pytest.mark.parametrize("rate", [10_000.0, 9_000.0, 44_100.0, 3_333.0])
 def test_resampled_pieces_are_those_of_the_whole(rate):
-    signal = FlowingSignal(hapticnet().senses["haptic"], rate, {})
+    signal = ResampledSignal(hapticnet().senses["haptic"], rate, {})
     samples = np.random.default_rng(0).standard_normal((2, 30_000))
     parts = [signal.take(part) for part in np.split(samples, [1, 50, 9000, 9001, 20_000], axis=1)]
     pieces = torch.cat([*(new for new, _, _ in parts), parts[-1][1]], dim=1)
