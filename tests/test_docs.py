@@ -81,6 +81,22 @@ def test_files_named_in_sentences_exist():
     assert missing == []
 
 
+def test_the_way_from_a_file_to_a_label_is_that_of_the_code():
+    text = (ROOT / "docs" / "extend.md").read_text("utf-8")
+    text = text.partition("## From a file to a label\n")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| [^|]+ \| `([\w/]+\.py)` \| (.+?) \| (.*?) ?\|$", text, re.MULTILINE)
+    assert len(rows) > 25
+    for file, names, _ in rows:
+        module = (ROOT / "tex_lightning" / file).read_text("utf-8")
+        for name in re.findall(r"`(\w+)`", names):
+            assert re.search(rf"^(def|class) {name}\b|^{name} = ", module, re.MULTILINE), name
+    code = "".join(path.read_text("utf-8") for path in (ROOT / "tex_lightning").rglob("*.py"))
+    for name in re.findall(r"`([A-Z][a-z]\w+)`", "".join(result for *_, result in rows)):
+        assert re.search(rf"^class {name}\b|import .*\b{name}\b", code, re.MULTILINE), name
+    for file in re.findall(r"`(\w+/[\w/]+\.py)`", text):
+        assert (ROOT / "tex_lightning" / file).is_file(), file
+
+
 @functools.cache
 def script(name: str) -> dict[str, Any]:
     """What a script of the documentation defines."""
@@ -210,6 +226,7 @@ QUESTIONS = {
     "How do I run it on a small computer or in a browser?": "deploy.md#without-pytorch",
     "How do I use several GPUs or a cluster?": "scale.md#clusters-and-several-gpus",
     "How do I add my own network?": "extend.md#classes",
+    "How does the code get from a file to a label?": "extend.md#from-a-file-to-a-label",
     "How do I repeat a row of the paper?": "paper.md#one-row",
     "Where does a figure come from?": "benchmarks.md#reports",
     "What does this key mean, and what is its default?": "keys.md",

@@ -1,4 +1,4 @@
-"""Compose, check and run one task, for the command line and for Python.
+"""Compose, check and run one task, for the command line and for :func:`tex_lightning.train`.
 
 PyTorch is imported once the command line is known to be right.
 """

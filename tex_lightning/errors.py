@@ -1,6 +1,6 @@
-"""The exception for errors that the user can fix, and the form of quoted values in it.
+"""``UserError``, the exception for what a user can mend, and the form of values in messages.
 
-They are those of the package that reads files, which stands below this one.
+Both are defined in the runtime package, which reads files and which this package depends on.
 """
 
 from tex_lightning_runtime.errors import UserError as UserError

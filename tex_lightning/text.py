@@ -1,4 +1,4 @@
-"""The one way out for text: names that come from files, made harmless for each medium.
+"""Escape text that comes from files for each medium: every name passes through here to be shown.
 
 Classes, files, conditions and senses are called whatever their author likes. Before such a name
 reaches a terminal, a figure, a document or a table, one of these functions takes from it what that

@@ -1,1 +1,1 @@
-"""The paper's other systems and today's peers, behind one interface to fit and to classify."""
+"""Baselines: the other systems of the paper and MiniRocket, behind one interface."""

@@ -1,4 +1,4 @@
-"""Histograms of rotation-invariant local binary patterns with a linear classifier.
+"""Histograms of rotation-invariant local binary patterns, with a linear classifier.
 
 A stand-in for the row D8 of the paper's comparison, of which nothing but the name is known: eight
 neighbours and no upright direction are our guess, and its figures are not D8's.

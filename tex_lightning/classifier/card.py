@@ -1,4 +1,4 @@
-"""The metadata of a checkpoint: plain values that rebuild the classifier."""
+"""The card of a checkpoint: plain values from which its classifier is built again."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""The one contract check of the parts of a sense: trained on two recordings, saved and loaded."""
+"""Check the contract of the parts of a sense: train on two recordings, save, load, compare."""
 
 import io
 import logging

@@ -1,7 +1,6 @@
-"""Max voting over fragments and the random tuples of FusionNet (paper, section III-B).
+"""Decision rules: from the class scores of fragments to the label (paper, section III-B).
 
-Votes are counted on the CPU: they take no time, their sums are float64, which not every device
-has, and every device then decides alike on the same scores.
+Votes are counted on the CPU in float64, so that every device decides alike on the same scores.
 """
 
 from collections.abc import Callable, Sequence

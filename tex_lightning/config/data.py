@@ -1,4 +1,4 @@
-"""Where recordings come from, and how they are decoded and divided into folds."""
+"""The section ``data`` of the configuration: reader, decoding and folds."""
 
 from typing import Annotated, Any, Literal
 

@@ -1,4 +1,4 @@
-"""Explain Hydra's errors about a mistyped command line in one sentence with near matches."""
+"""Explain Hydra's errors about a mistyped command in one sentence with near matches."""
 
 import re
 from collections.abc import Iterator

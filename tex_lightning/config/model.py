@@ -1,4 +1,4 @@
-"""The model: its senses, networks and fusion, and how each of them is trained."""
+"""The section ``model`` of the configuration: senses, networks, fusion and recipes."""
 
 from collections.abc import Sequence
 from dataclasses import asdict

@@ -1,4 +1,4 @@
-"""Keep names as they were typed: Hydra's grammar reads numbers and logical values into them.
+"""Keep names as they were typed, where Hydra's grammar would read numbers or booleans.
 
 A class ``1_0`` would be ``10``, a session ``2024_05_01`` would be ``20240501``, a folder ``1e3``
 would be ``1000.0``. So the values of keys that hold text are put in quotes before Hydra sees them,

@@ -1,4 +1,4 @@
-"""Keys that belong to classes which the configuration names: nodes, and what a sense shares.
+"""Nodes of the configuration that name a class: their keys, and keys that a sense shares.
 
 The signature of the class is their schema. It is read before PyTorch is imported where the source
 says it (:mod:`.sources`); other classes are checked when they are built.

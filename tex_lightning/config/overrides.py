@@ -1,4 +1,4 @@
-"""What a user has chosen: the overrides of a command as settings by key."""
+"""The overrides of a command, as settings by key."""
 
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Folders of the user's own parts, searched for configuration files beside the package's.
+"""Find the configuration folders of the user and of installed plug-ins.
 
 These are the folder of ``--config-dir`` and the ``conf`` of every installed package that has an
 entry point in the group ``tex_lightning.plugins``. Senses are also found in ``hydra.searchpath``.

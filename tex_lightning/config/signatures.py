@@ -1,4 +1,4 @@
-"""Whether values are what the annotated signature of a class takes, for nodes and cards alike.
+"""Check values against the annotated signature of the class that takes them.
 
 Checked are the types of plain values, inside lists and mappings too, and ranges: the signature
 ``size: Annotated[int, "[1, 64]"]`` takes whole numbers from 1 to 64. An argument that is annotated

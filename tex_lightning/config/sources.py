@@ -1,4 +1,4 @@
-"""Signatures of classes that a ``_target_`` names, read from their source: nothing is imported.
+"""Read the signature of a class from its source, without importing it.
 
 A command line is checked before PyTorch is imported, which takes seconds, and so are keys of
 classes that need it. Annotations may name types, aliases and constants of their module, or of one

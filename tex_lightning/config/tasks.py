@@ -1,4 +1,4 @@
-"""Settings of the decision, of running networks and of tasks."""
+"""The sections of the configuration for the decision, the engine and the tasks."""
 
 from typing import Annotated, Any, Literal, get_args
 

@@ -1,4 +1,4 @@
-"""The texts of ``--help`` and ``--version``: the commands and the keys."""
+"""The texts of ``--help`` and ``--version``."""
 
 import textwrap
 from collections.abc import Iterator, Sequence

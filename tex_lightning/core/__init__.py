@@ -1,1 +1,1 @@
-"""The run around the work: files, devices, console, progress, the run folder."""
+"""What every run needs: its folder, atomic files, devices, the console, ranks of processes."""

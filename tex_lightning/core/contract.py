@@ -1,4 +1,4 @@
-"""Contracts of custom classes; their exceptions keep the traceback.
+"""Contracts of a user's classes: what each maps to what, and the errors if one breaks it.
 
 :mod:`tex_lightning.classifier.contract_check` tries those of training once before work, and
 :mod:`tex_lightning.testing` those of any part.

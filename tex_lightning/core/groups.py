@@ -1,7 +1,7 @@
-"""Division by group: what was recorded together is never on both sides of a division.
+"""Divide items by group, so that no group is on both sides of a division.
 
-Folds, and everything that is fitted on some recordings and measured on others, are divided here, so
-that the pieces of one photo, or the strokes of one person, do not answer for each other.
+Folds, and every fit whose error is measured on left-out recordings, are divided here. So crops of
+one photo, or strokes of one person, are never both fitted and tested on.
 """
 
 from collections import Counter, defaultdict

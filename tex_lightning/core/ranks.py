@@ -1,9 +1,9 @@
-"""Rank of this process in the process group that this run makes, and what the environment says.
+"""The rank of this process among those that train together, and what the environment says of them.
 
-Lightning's launcher, ``torchrun`` and ``srun`` leave variables, which every program below inherits,
-also one that trains alone or classifies. So a rank counts only where this run trains on as many
-devices as processes were started for it (:func:`joining`); elsewhere the variables are hidden from
-Lightning, which would wait for the others, or write nothing.
+Lightning's launcher, ``torchrun`` and ``srun`` set environment variables, which every program that
+they start inherits, even one that trains alone or only classifies. A rank therefore counts only if
+this run trains on as many devices as processes were started (:func:`joining`). Otherwise the
+variables are hidden from Lightning, which would wait for the other processes, or write nothing.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""Recordings, in memory or mapped to it, from which training batches are cut."""
+"""Banks: the training recordings of one sense, from which training batches are cut."""
 
 import tempfile
 from collections.abc import Iterable, Sequence

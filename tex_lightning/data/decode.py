@@ -1,7 +1,7 @@
-"""Decode one recording to an array, strictly: damaged files raise an error.
+"""Decode a file to an array; a damaged file raises an error.
 
-A checkpoint carries the settings used here, so prediction decodes as training did. Recordings given
-as arrays are brought to the same form.
+A checkpoint keeps the settings of its decoders, so a prediction decodes as the training did. Traces
+that are read to learn their rate are kept in memory until they are decoded at it.
 """
 
 import logging

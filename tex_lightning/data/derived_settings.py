@@ -1,8 +1,8 @@
-"""Settings that are not given, derived from the user's recordings.
+"""Derive settings that nobody has given from the recordings: rate, folds, pretrained weights.
 
-The synthetic surfaces and the paper's data have what their files in ``conf`` say. Recordings of a
-user's own come from any sensor, and their photos are of the world that ImageNet shows: their rate
-is kept, and VisualNet starts from weights that know images where those are installed.
+The files in ``conf`` hold the settings for synthetic surfaces and for the data of the paper. Of
+other data the sampling rate and the number of groups are read from the recordings. VisualNet starts
+from ImageNet weights there, if they are installed.
 """
 
 import logging

@@ -1,9 +1,9 @@
-"""Folds by group or by conditions, and samples: what is classified as one.
+"""Divide recordings into training, validation and test, and pair them to samples.
 
-Everything recorded together is tested together. Groups, numbers and text alike, are spread over the
-folds so that each has about as much of every class and modality: of ten recordings of each class,
-nine are trained on and the tenth is tested, ten times, as in the paper (section IV). A table may
-fix the folds of its recordings. By conditions, what has the given values is tested.
+All recordings of a group are in the same fold. Groups are spread over the folds so that each fold
+has about as many recordings of every class and modality. With ten recordings of each class, nine
+are trained on and the tenth is tested, ten times, as in the paper (section IV). A table may fix the
+folds of its recordings. With ``data.test_where``, the recordings with these conditions are tested.
 """
 
 import json

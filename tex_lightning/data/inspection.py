@@ -1,4 +1,4 @@
-"""Suspicions about recordings: what was cut from one recording, copies, and faults of a sensor.
+"""Look for faults in a data set: leaks between groups, copies, and faults of a sensor.
 
 Recordings that share anything belong into one group, or training and test do. That two share a
 stretch shows in landmarks: the order of the samples around a local maximum, which neither gain nor

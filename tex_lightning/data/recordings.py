@@ -1,8 +1,7 @@
-"""The one table that every reader makes and everything after it uses.
+"""The table of recordings, which readers make and all other parts use, and its CSV manifest.
 
-A recording may be a part of its file: a pair of fractions from 0 to 1, of the length of a signal or
-of the width of a photo. What lies at a border belongs to one of two neighbours alone, so that parts
-without overlap share nothing.
+A recording may be a part of its file, given as two fractions from 0 to 1 of the length of a signal
+or of the width of a photo. Parts that do not overlap have no sample or pixel in common.
 """
 
 import csv

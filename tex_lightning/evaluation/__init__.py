@@ -1,1 +1,1 @@
-"""Outcomes of classifiers on test samples, and their statistics."""
+"""Test results: a table with a row for each sample, and the statistics that follow from it."""

@@ -1,4 +1,4 @@
-"""Votes by condition: by speed, light, device and what else a table says of its recordings."""
+"""Accuracy by condition, such as speed, light or device."""
 
 import math
 import re

@@ -1,4 +1,4 @@
-"""Which classes a network confuses: counts of fragments, recall, pairs that others tell apart."""
+"""Which classes are confused: counts, recall, and pairs that another network tells apart."""
 
 import json
 from collections.abc import Mapping, Sequence

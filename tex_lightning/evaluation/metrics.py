@@ -1,4 +1,4 @@
-"""The metrics of a test: one table says how each is computed, found, called and shown.
+"""The table of metrics: how each is computed, named and formatted.
 
 A new figure is one line of :data:`METRICS` with a function of the outcomes. It is then in
 ``results.json``, in the tables of runs, sweeps and reports, in ``sweep.csv`` and ``frontier.csv``,

@@ -1,4 +1,4 @@
-"""Test whether unknown materials get less confidence and more novelty than known ones."""
+"""Measure how well unknown materials are told from known ones."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Outcomes of samples classified one at a time, intervals of them, and ``results.json``."""
+"""Test a classifier sample by sample: the table of outcomes, intervals and ``results.json``."""
 
 import json
 import math

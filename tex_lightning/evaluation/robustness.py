@@ -1,4 +1,4 @@
-"""What fails first under perturbations, and at which severity.
+"""Find the perturbation and the severity at which a system fails first.
 
 Two answers for each system and perturbation: the first severity at which accuracy is significantly
 lower than on the same samples unperturbed, and the first at which it has lost a stated share.

@@ -1,1 +1,1 @@
-"""Write trained networks as files for use without this package."""
+"""Trained classifiers as files that run without this package: ONNX, torch.export, a web page."""

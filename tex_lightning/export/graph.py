@@ -1,4 +1,4 @@
-"""A trained classifier as one traceable module from decoded recordings to a label.
+"""A classifier as one traceable module, from decoded recordings to a label.
 
 The senses of a FusionNet are joined in one graph; the decision is that of
 :mod:`~tex_lightning.classifier.vote`, with its rule for ties. Layers are rewritten by exact

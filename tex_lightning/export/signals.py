@@ -1,4 +1,4 @@
-"""Features of signals as real products of matrices, without short Fourier transforms.
+"""Features of signals as products of real matrices, which every runtime can compute.
 
 The transform of N = P Q samples is one of P samples, then one of Q for each of its outcomes (Cooley
 and Tukey 1965): for 2,205 samples a fifteenth of the arithmetic of one product, a hundredth of the

@@ -1,15 +1,15 @@
-"""Sequential decisions: they compute no more fragments than the label needs.
+"""Sequential decisions, which stop as soon as the label is certain enough.
 
-- A long trace is classified by its beginning, first a single fragment and then each time twice as
-  long, until the mean probability is enough. Where beginnings would cost more than half of the full
-  pass, that is done instead: on traces of a few seconds immediately.
-- Of several senses the cheapest comes first, and the next cheapest is added as long as the vote of
-  those that were asked is not confident.
-- What is more novel than ``decision.unknown`` allows is classified whole: the threshold is that of
-  whole recordings, and of a part of the senses that of the same part. So no more known recordings
-  are called unknown than by the full decision.
+- A long trace is classified by its beginning: first by one fragment, then by a beginning of twice
+  the length, until the mean probability reaches ``decision.confidence_threshold``. If beginnings
+  would cost more than half of the full pass, the whole trace is classified; a trace of a few
+  seconds therefore always is.
+- Of several senses the cheapest is computed first. The next cheapest is added while the vote of
+  those before is not confident.
+- A sample whose novelty exceeds the threshold of ``decision.unknown`` is classified as a whole. So
+  early stopping calls no more known recordings unknown than the full decision does.
 
-A single photo, and a trace of which the mean score decides, are taken whole.
+A single photo, and a trace that is decided by its mean score, are always classified as a whole.
 """
 
 from collections.abc import Mapping, Sequence

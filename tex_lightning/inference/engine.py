@@ -1,4 +1,4 @@
-"""Turn a trained classifier into the accelerated one that tests and predicts.
+"""Accelerate a trained classifier for tests and predictions, and count its arithmetic.
 
 Layers are rewritten by exact algebra, so that only the rounding of float32 differs.
 :class:`Costs` counts the multiply-accumulates of a decision before it is made.

@@ -1,4 +1,4 @@
-"""The printed result of a classified sample, and whether a checkpoint can call it unknown."""
+"""The result of a prediction, and whether a checkpoint can call a sample unknown."""
 
 import logging
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""A trained system that classifies files and arrays, as the command line and Python use it."""
+"""Classify files and arrays with a trained checkpoint."""
 
 import time
 from collections.abc import Collection, Mapping, Sequence

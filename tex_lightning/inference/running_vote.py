@@ -1,11 +1,11 @@
-"""The vote over a signal that goes on, whatever its length in the same time and memory.
+"""Update a vote with new samples of a signal, in time and memory that do not grow.
 
-What cannot change any more is added up and forgotten: samples, frames, fragments. The first
-:data:`EXACT_SECONDS` are classified as a recording is. Later the vote of a spectrogram's network is
-that of the recording so far, but for rounding. Of band proportions it may differ a little:
-fragments end at multiples of their length and not at equal parts of the recording, and what was
-judged to be a rest :data:`~.movement.REST_SECONDS` later stays one. What turns out to be one when
-louder movement comes is taken back, a fragment at a time.
+Samples, frames and fragments that cannot change any more are added up and dropped. The first
+:data:`EXACT_SECONDS` are classified as a recording is. After that, a network on spectrograms gives
+the vote of the recording so far, but for rounding. The vote by band proportions may differ a little
+from it: fragments end at multiples of their length, and a rest is judged once, after
+:data:`~.movement.REST_SECONDS`. Fragments that turn out to be rests, since louder movement follows,
+are subtracted again.
 """
 
 import math

@@ -1,7 +1,7 @@
-"""Measure what a trained network's checkpoint keeps beside its weights.
+"""Measure what a checkpoint keeps beside the weights: feature statistics and calibration.
 
-These are statistics of the features of every class, and on the validation fold the temperature,
-thresholds, and the novelties that set ``decision.unknown``.
+The statistics describe the embeddings of every class. The validation fold gives the temperature of
+the probabilities and the novelties of known samples, from which ``decision.unknown`` is set.
 """
 
 import math

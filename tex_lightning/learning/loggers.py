@@ -1,4 +1,4 @@
-"""Loggers of a network: made as configured, and given what its test has shown."""
+"""Make the loggers of a network, and log its inputs and the results of its test."""
 
 import logging
 import warnings

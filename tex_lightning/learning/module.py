@@ -1,7 +1,7 @@
-"""Training of the network of one sense, or of FusionNet: loss, metrics, optimiser, checkpoint.
+"""The LightningModule that trains the network of one sense, or FusionNet.
 
-FusionNet learns from trained unimodal networks (paper, section III-B), on pieces that give one
-prediction each, with a faster head.
+FusionNet starts from trained networks of its senses (paper, section III-B). It learns on crops that
+give one position each, with a higher learning rate for its head.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Start a network: a trunk from given weights, and layers that are fitted in closed form."""
+"""Give a network its first weights: of a trunk from a file, of other layers in closed form."""
 
 import hashlib
 import json

@@ -1,4 +1,4 @@
-"""One training, from its recipe to its result.
+"""Run a training, from its recipe to its checkpoint.
 
 :func:`train_networks` trains what a model consists of, each network by a :class:`Training`: its
 module and batches are made, Lightning takes the steps, and hooks do what comes before and after:

@@ -1,4 +1,4 @@
-"""Make Lightning's Trainer (flags, callbacks, no advertisements) and let it take the steps."""
+"""Make Lightning's Trainer, and let it take the steps of a training."""
 
 import logging
 import re

@@ -1,4 +1,4 @@
-"""Checks of what a training makes, before work: settings, weights and every class of a user's."""
+"""Check what a training is made of before it starts: settings, weights and a user's classes."""
 
 from collections.abc import Sequence
 from pathlib import Path

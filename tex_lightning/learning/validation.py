@@ -1,4 +1,4 @@
-"""Validation of a network in training: whole samples as in testing, decided many at once."""
+"""Classify the validation samples of an epoch, and decide on many of them at once."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Reject files of tensors that claim more than they hold, before memory is allocated."""
+"""Reject files of tensors that claim more memory than they hold, before it is allocated."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Shared parts of the networks: channel scaling, geometry, layers, initialisation, the head."""
+"""Parts that networks share: layers, scaled channel counts, initialisation, the score head."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy, deepcopy

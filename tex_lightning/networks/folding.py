@@ -1,4 +1,4 @@
-"""Layers rewritten by exact algebra, where their whole pattern holds.
+"""Rewrite layers by exact algebra so that they run faster.
 
 A pattern is what PyTorch's own classes compute, in an order that an ``nn.Sequential`` fixes. What a
 network does with its layers besides no pattern tells: see

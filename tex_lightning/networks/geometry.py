@@ -1,12 +1,12 @@
-"""Which part of an input each prediction of a dense network depends on, and runs in pieces.
+"""Receptive fields: which input a position depends on, and how a large input is divided into tiles.
 
-The convolutions and poolings of a network tell it, in the order of its modules. For a network of
-another package that holds only if pieces of random inputs give the scores of the whole, which is
-tried; else inputs are not cut.
+They follow from the convolutions and poolings of a network, in the order of its modules. A network
+of a user may call its layers otherwise, so it is tried on random inputs: if its tiles do not give
+the scores of the whole input, inputs are not divided.
 
-A piece begins at a multiple of the network's stride, where the grids of all its layers coincide
-with those of the whole. Inside the input its edge is padded with zeros where the whole has pixels;
-predictions that this reaches are computed and thrown away.
+A tile begins at a multiple of the network's stride, where the grids of all layers coincide with
+those of the whole input. Its edges are padded with zeros where the whole input has pixels. The
+positions that depend on such an edge are computed and dropped.
 """
 
 from collections.abc import Callable, Iterable, Sequence

@@ -1,4 +1,4 @@
-"""Ridge regression of classes on rows, by any subset of the rows, and linear discriminants.
+"""Ridge regression on subsets of the training rows, and linear discriminants.
 
 Rows are few and features many, so everything is computed from products of rows. In each fit every
 class weighs the same, however many rows it has.

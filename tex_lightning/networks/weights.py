@@ -1,4 +1,4 @@
-"""Reading ImageNet weights of VisualNet's trunks: Caffe's networks and EfficientNet-Lite."""
+"""Read published ImageNet weights of the trunks of VisualNet."""
 
 import hashlib
 import logging

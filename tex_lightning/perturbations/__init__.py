@@ -1,1 +1,1 @@
-"""Perturbations of a recording before it is classified, each on a scale with a unit."""
+"""Perturbations of decoded recordings at severities with a unit, for tests and for training."""

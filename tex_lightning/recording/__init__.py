@@ -1,4 +1,4 @@
-"""From sensors to the files of a class folder: sources and writer.
+"""Record with sensors, sound cards and cameras into the folder of a class.
 
-A source gives samples as they come; nothing is written before a recording is whole.
+A source gives samples as they come; a file is written once a recording is complete.
 """

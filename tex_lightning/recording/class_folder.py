@@ -1,4 +1,4 @@
-"""The camera, and the folder of a class that grows with its manifest; every file is whole."""
+"""Write recordings and photos into the folder of a class, with its manifest."""
 
 import re
 from collections.abc import Callable, Iterator, Mapping

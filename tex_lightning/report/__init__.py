@@ -1,1 +1,1 @@
-"""The output of a run: results, figures, tables."""
+"""The output of a run: tables, figures, ``report.html`` and what TensorBoard shows."""

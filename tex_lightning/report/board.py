@@ -1,4 +1,4 @@
-"""What is shown beside the scalars of a run, in TensorBoard or as artifacts of MLflow.
+"""Artifacts of a run beside its scalars, for TensorBoard and MLflow: pictures, sounds, texts.
 
 Pictures come as PNG, so that a figure of the run folder is written and never drawn again.
 """

@@ -1,4 +1,4 @@
-"""What the data of a run are, as tables and pictures of its report."""
+"""The part of a report that describes the data: tables and example pictures."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Write what TensorBoard shows: one file of events for each part, and the projector's files."""
+"""Write artifacts, scalars and embeddings as event files of TensorBoard."""
 
 import io
 from collections.abc import Mapping, Sequence

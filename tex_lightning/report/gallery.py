@@ -1,4 +1,4 @@
-"""Pieces of a run for its loggers: figures of the run folder, samples, and texts."""
+"""Collect the artifacts of a run for its loggers: figures, samples and texts."""
 
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

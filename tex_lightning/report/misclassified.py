@@ -1,4 +1,4 @@
-"""The wrong samples of a test, kept in the run folder, and as cards of its report.
+"""Keep the misclassified samples of a test in the run folder, and show them in its report.
 
 ``samples/NETWORK.json`` says what became of each, beside pictures and sounds of its recordings.
 """

@@ -1,4 +1,4 @@
-"""Pictures without a plotting library: network inputs as pixels, in rows with captions."""
+"""Pictures of network inputs as pixels, in rows with captions."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""Test samples to look at and to hear: as recorded, as a network gets them, what it made of them.
+"""Render a test sample to look at and to hear, with the class scores at every position.
 
 Pictures are made without a plotting library, since a run shows dozens.
 """

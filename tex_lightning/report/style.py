@@ -1,4 +1,4 @@
-"""The style of all figures, and a look for each system of a chart.
+"""The style of all figures: colours and markers.
 
 The colours are those of Okabe and Ito (https://jfly.uni-koeln.de/color/), but for yellow, which
 cannot be seen on white, and black, which no system has: two of Tol's replace them.

@@ -1,4 +1,4 @@
-"""What Hydra calls around a sweep: its lock, its failures, and its summary at the end."""
+"""The Hydra callback of a sweep: its lock, its failures, and its summary at the end."""
 
 import json
 import logging

@@ -1,7 +1,7 @@
-"""Jobs of a sweep in SLURM's queue; those that it ends are failures like others.
+"""Follow the jobs of a sweep in SLURM's queue, and note those that SLURM ended as failed.
 
-submitit asks SLURM's accounting, without which it warns at every question and waits forever for a
-job that was cancelled; with it, such a job ends the sweep before its summary.
+submitit asks SLURM's accounting. Without accounting it warns at every question and waits forever
+for a cancelled job; with it, a cancelled job ends the sweep before its summary is written.
 """
 
 import re

@@ -1,4 +1,4 @@
-"""Summary of a sweep: its table on the screen, its file of rows, its charts and its page."""
+"""The summary of a sweep: table, ``sweep.csv``, charts and page."""
 
 import re
 from collections import defaultdict

@@ -1,4 +1,4 @@
-"""Tables of a run: made once, shown on the terminal, in ``report.md`` and in ``report.html``."""
+"""Tables of results, for the terminal, ``report.md`` and ``report.html``."""
 
 import re
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Rows of a sweep: each job's networks, folds pooled, means over seeds, what was swept, the best.
+"""Rows of the table of a sweep: a job each, folds pooled, means over seeds.
 
 The best row is what the objective of a search says, the least validation loss. Where nothing was
 searched for no row is the best: that with the highest accuracy was found on the test fold.

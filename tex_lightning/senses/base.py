@@ -1,4 +1,4 @@
-"""The base class of senses, for any sensor."""
+"""The base class of senses, and how a sense is made from its settings."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence

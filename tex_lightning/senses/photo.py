@@ -1,4 +1,4 @@
-"""The sense whose recordings are photos."""
+"""The sense of photos."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property

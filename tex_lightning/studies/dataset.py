@@ -1,4 +1,4 @@
-"""Open a data set: recordings and store, decoded and checked."""
+"""Open a data set for a training, a test or an adaptation: read, decoded and checked."""
 
 import logging
 from collections.abc import Iterable, Sequence

@@ -1,4 +1,4 @@
-"""What the data of a run are: described once, for the opening, the report, the loggers, a file."""
+"""Describe the data of a run: for the console, the report and the loggers."""
 
 import json
 import logging

@@ -1,4 +1,4 @@
-"""Test a checkpoint: its outcomes, its entry of ``results.json`` and its figures."""
+"""Test a checkpoint: outcomes, ``results.json``, figures, and what its loggers show."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache, lru_cache

@@ -1,4 +1,4 @@
-"""Systems of ``task=stability``, their test samples as they are or perturbed, and their labels.
+"""Test systems on perturbed recordings, for ``task=stability``.
 
 A recording is perturbed once for all systems. Every sense computes its scores of a recording once,
 however many samples it is part of.

@@ -1,4 +1,4 @@
-"""Time a network, its sliding-window form and matrix products beside each other.
+"""Time a network against its sliding-window form and against bare matrix products.
 
 The paper compares its networks with such windows (section IV, "Time profiling").
 """

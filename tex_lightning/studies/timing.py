@@ -1,4 +1,4 @@
-"""Time functions interleaved, so that a machine's changing speed is the same for all of them."""
+"""Time functions in turns, so that a change of the machine's speed affects all alike."""
 
 import time
 from collections.abc import Callable, Mapping

@@ -1,1 +1,1 @@
-"""The tasks of the command line, one file each."""
+"""One module for each ``task=NAME``, with a function ``run(config, job)``."""

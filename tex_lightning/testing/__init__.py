@@ -1,4 +1,4 @@
-"""Try a part of one's own as a training would, before there are any data.
+"""Check a part of a user's own by the code that checks it before a training.
 
 The part is trained on a few recordings of noise, saved, loaded into another one and compared, by
 the code that tries it before every training (:mod:`tex_lightning.classifier.contract_check`).

@@ -1,4 +1,4 @@
-"""Readers: each maps a data set on disk to the one table of recordings, which is checked here."""
+"""Readers make the table of recordings of a data set; what they return is checked here."""
 
 from collections import defaultdict
 from collections.abc import Sequence

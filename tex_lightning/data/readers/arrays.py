@@ -1,4 +1,4 @@
-"""Samples given in Python: arrays, lists of arrays or paths, and several modalities of these.
+"""Recordings that are given in Python as arrays or paths.
 
 Their recordings are written to a folder with a manifest, so that everything after it treats them as
 it does the files of others.

@@ -1,4 +1,4 @@
-"""Readers of one's own data: a folder for each class, or a CSV manifest for any other layout.
+"""Readers of a user's own data: a folder for each class, or a CSV manifest.
 
 The folder holds ``root/CLASS/haptic/*`` and ``root/CLASS/image/*``. Names of folders may be in any
 case and in the plural (``Haptics``). ``root/CLASS/sound/*`` and the folders of senses of the user's

@@ -1,4 +1,4 @@
-"""Recordings whose classes, groups and conditions are in the names of their files."""
+"""Find classes, groups and conditions in the names of files, for ``task=manifest``."""
 
 import re
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Reader of published data sets: one regular expression tells class and group by a file's path.
+"""The reader of published data sets: a regular expression finds class and group in a path.
 
 Expression, folders and rate of a set stand in ``conf/data/NAME.yaml``. They rest on these facts:
 

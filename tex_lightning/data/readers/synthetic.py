@@ -1,4 +1,4 @@
-"""Reader of synthetic surfaces: rendered once into the cache, then read as a folder."""
+"""The reader of synthetic surfaces, which are rendered once into the cache."""
 
 import hashlib
 import json

@@ -1,4 +1,4 @@
-"""Convolutional trunks of VisualNet, by the names that published weights go by."""
+"""Trunks: the backbones of VisualNet, by the names of their published weights."""
 
 from tex_lightning.networks.blocks import Norm
 from tex_lightning.networks.trunks.alexnet import CaffeAlexNet, TcnnTrunk

@@ -1,4 +1,4 @@
-"""The declarations of every trunk of VisualNet, and the geometry that follows from them."""
+"""The base class of trunks: what a trunk declares, and the geometry that follows from it."""
 
 from bisect import bisect_left
 from collections.abc import Mapping

@@ -1,1 +1,1 @@
-"""Features: modules that run on the device of the batch and travel with the checkpoint."""
+"""Features map a decoded recording to network input; a checkpoint contains these modules."""

@@ -1,4 +1,4 @@
-"""Where a tool moves: after the touch that begins a stroke, and without the rests in it.
+"""Find where a tool moves in a signal: after the first touch, and without rests.
 
 A recording goes on while the tool is lifted or stands still. What the sensor gives then is its own
 noise, which tells nothing of the material, and would count like the movement.

@@ -1,4 +1,4 @@
-"""How often each band of a signal is above its usual share of the spectrum.
+"""Band proportions: how often each frequency band exceeds its usual share of the spectrum.
 
 MiniRocket (Dempster et al. 2021) classifies time series by the proportion of positive values of
 many convolutions. Here the convolutions are the bands of short-time spectra: a feature has a
