@@ -52,13 +52,12 @@ from tex_lightning.errors import UserError, reason, shorten
 
 FAILED, USER_FAULT, INTERRUPTED = 1, 2, 130  # exit statuses
 PATIENCE = 10.0  # seconds by which processes that were started together may differ
-EXHAUSTIVE = "hydra._internal.core_plugins.basic_sweeper.BasicSweeper"  # runs all combinations
 
-# Of every job of this process its run folder, and the override that goes on with it; none means
-# that Hydra could not make a run folder.
+# The run folder of each job of this process, and the override that continues it. It is empty if
+# Hydra could not make a run folder.
 STARTED: list[tuple[Path, str]] = []
 
-TURN = RLock()  # of one thread: Hydra's state, logging and threads are those of the process
+TURN = RLock()  # one run at a time: Hydra's state, logging and threads belong to the process
 
 log = logging.getLogger(__name__)
 
@@ -137,7 +136,7 @@ def train(*overrides: str) -> Results:
 
 
 def to_user_error(error: Exception, *, began: bool) -> UserError | None:
-    """Return what of an error is the user's to mend; None if it is a fault of the program.
+    """Return an error as one that the user can mend; None if it is a fault of the program.
 
     Args:
         error: Error that ended the job.
@@ -199,10 +198,10 @@ def main() -> int:
 
 
 def complain(error: object) -> int:
-    """Print a mistake in one sentence and return the exit status for that of a user.
+    """Print a user's mistake in one sentence and return its exit status.
 
-    Of processes that train together rank zero says it, and whoever has started them then ends all;
-    one that is still there has a mistake of its own.
+    Of processes that train together, rank zero prints it, and their launcher then ends the others.
+    A process that is still running after a while prints its own.
     """
     if not is_rank_zero():
         time.sleep(PATIENCE)
@@ -229,7 +228,7 @@ def _run(arguments: Sequence[str]) -> int:
 
 
 def _interrupted() -> str:
-    """Return what to say after Ctrl-C: how to go on with what is there."""
+    """Return the message after Ctrl-C: how to continue the run."""
     for directory, override in reversed(STARTED):
         if override and holds_work(directory):
             again = f"the same command with {override}"
@@ -241,7 +240,7 @@ def run_job(composed: DictConfig) -> float | None:
     """Run one composed job; a sweep continues even if it fails.
 
     Returns:
-        What a sweeper that searches is to minimise; None of a job that failed or trains nothing.
+        The objective that a search minimises; None for a job that failed or trains nothing.
     """
     from tex_lightning.report.sweep import FAILURE, note_failure
 
@@ -272,14 +271,15 @@ def run_job(composed: DictConfig) -> float | None:
 
 
 def _check_search(composed: DictConfig, job: Job) -> None:
-    """End a sweep that searches for settings and has nothing but the test to choose by.
+    """End a search for settings that could only be chosen by their test accuracy.
 
     Raises:
-        SystemExit: With the exit status, once that is said: every other job would fail alike.
+        SystemExit: After the message, since every other job would fail as well.
     """
-    sweeper = str(OmegaConf.select(job.hydra, "hydra.sweeper._target_"))
+    from tex_lightning.report.sweep import is_search
+
     validated = composed.task == "fit" and composed.data.val_fold is not None
-    if sweeper != EXHAUSTIVE and not validated:
+    if is_search(job.hydra) and not validated:
         said = (
             f"A search (hydra/sweeper={job.hydra.hydra.runtime.choices.get('hydra/sweeper')}) "
             "chooses settings by the loss on a validation fold, and this one has none: chosen on "
@@ -292,10 +292,10 @@ def _check_search(composed: DictConfig, job: Job) -> None:
 def run_task(composed: DictConfig, job: Job) -> float | None:
     """Check the configuration and run its task in the run folder of the job.
 
-    Every process of a training on several devices does; only rank zero writes.
+    In a training on several devices every process calls it; only rank zero writes files.
 
     Returns:
-        What a sweeper that searches is to minimise; None of a task that trains nothing.
+        The objective that a search minimises; None for a task that trains nothing.
 
     Raises:
         UserError: If the configuration or what it names cannot be used.
@@ -343,7 +343,7 @@ def _run_in_folder(config: Config, composed: DictConfig, job: Job) -> dict[str, 
 
 @contextmanager
 def _quick_import() -> Iterator[None]:
-    """Look for no garbage meanwhile: modules are none, and it takes a sixth of the time."""
+    """Import without garbage collection, which takes a sixth of the time and finds nothing."""
     collecting = gc.isenabled()
     gc.disable()
     try:
@@ -387,7 +387,7 @@ def set_devices(config: Config) -> int:
 
 
 def check_processes(config: Config, job: Job, processes: int) -> None:
-    """Reject what several processes cannot share; rank zero says so.
+    """Reject settings that several processes cannot train with.
 
     Raises:
         UserError: If they cannot train together.

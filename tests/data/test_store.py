@@ -47,8 +47,8 @@ def test_decodes_each_file_once(store, surfaces, monkeypatch):
     def forbidden(*args):
         raise AssertionError("decoded twice")
 
-    monkeypatch.setattr(SignalDecoder, "read", forbidden)
-    monkeypatch.setattr(PhotoDecoder, "read", forbidden)
+    monkeypatch.setattr(SignalDecoder, "decode", forbidden)
+    monkeypatch.setattr(PhotoDecoder, "decode", forbidden)
     store.fill(rows)
     store.load(rows.of("haptic").rows[0])
 

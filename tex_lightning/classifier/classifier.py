@@ -330,6 +330,10 @@ class SurfaceClassifier(nn.Module):
         """
         return self.senses[name].positions(recording, self.embedding_layer(name))
 
+    def embedding_of_input(self, name: str, x: Tensor) -> Tensor:
+        """Compute the :meth:`embedding` (D, positions) of an input of one sense's network."""
+        return self.senses[name].dense_grid(x, self.embedding_layer(name)).flatten(1)
+
     def fragment_scores(self, name: str, recording: Tensor) -> Tensor:
         """Return the scores (classes, rows, columns) that one sense alone gives each position.
 

@@ -24,20 +24,21 @@ MAX_MAPS = 768  # photos; many systems allow a process 1024 open files, macOS an
 class InputBank:
     """Network inputs (..., frames) of unequal length in one tensor, cut in one indexing step.
 
-    A temporary file holds them, of which memory holds what is read: the system drops its pages when
-    memory is short. The file has no name and is gone with the tensor. Another device than the CPU
-    may hold them, too: then only the places of sub-samples are sent there (:meth:`hold`).
+    The tensor is mapped to a temporary file without a name, so that the system can drop its pages
+    from memory. A device other than the CPU may hold a copy (:meth:`hold`); then only the starts of
+    sub-samples are sent there.
 
     Args:
         inputs: Inputs of all recordings in their first version, then in their second, and so on.
-        frames: Length of the sub-samples.
+        frames: Length of the sub-samples. Shorter inputs are repeated up to it.
         versions: Number of versions of every recording; one is drawn for each cut.
 
     Attributes:
-        as_given: Whether none was shorter than ``frames``, and so repeated.
-        pieces: Numbers of recordings, and the input of a short piece of each, for what is fitted
-            in closed form and takes them.
-        disturbed: Inputs of recordings, and of the same disturbed, likewise.
+        as_given: Whether no input had to be repeated.
+        pieces: Pairs of a recording's number and the input of a short piece of it, for a network
+            whose closed-form fit takes ``pieces``.
+        disturbed: Pairs of the input of a recording and that of the recording disturbed, for a
+            network whose closed-form fit takes ``disturbed``.
     """
 
     def __init__(self, inputs: Iterable[Tensor], frames: int, versions: int = 1) -> None:
@@ -71,8 +72,8 @@ class InputBank:
     ) -> dict[str, Tensor]:
         """Cut ``input``, a sub-sample (batch, ..., frames) of each indexed recording.
 
-        Only a ``share`` of them is cut, but all are drawn. If a device holds the inputs, there is
-        ``start`` (batch,) instead, for :meth:`cut_there`.
+        Random numbers are drawn for all of them, but only the ``share`` of this process is cut. If
+        a device holds the inputs, ``start`` (batch,) is returned instead, for :meth:`cut_there`.
         """
         if self.versions > 1:
             version = rng.integers(0, self.versions, len(indices))
@@ -82,7 +83,7 @@ class InputBank:
         return {"start": start} if self.held is not None else {"input": self._at(self.flat, start)}
 
     def hold(self, device: torch.device) -> None:
-        """Hold the inputs on a device, too, if it has :func:`room` for them."""
+        """Copy the inputs to a device, if it has :func:`room` for them."""
         if self.held is None and self.flat.nbytes <= room(device):
             self.held = self.flat.to(device)
 
@@ -91,7 +92,7 @@ class InputBank:
         self.held = None
 
     def cut_there(self, pieces: dict[str, Tensor]) -> dict[str, Tensor]:
-        """Return the ``input`` of what was cut; ``start`` has to be on the device of the inputs."""
+        """Cut the ``input`` on the device that holds the inputs, where ``start`` has to be too."""
         return pieces if self.held is None else {"input": self._at(self.held, pieces["start"])}
 
     def _at(self, flat: Tensor, start: Tensor) -> Tensor:
@@ -139,7 +140,8 @@ class PhotoBank:
     ) -> dict[str, Tensor]:
         """Cut ``crop`` (batch, 3, side, side) uint8, and draw ``degrees`` (batch,) to rotate it by.
 
-        Photos too small are mirrored outwards. Only a ``share`` is cut, but all are drawn.
+        Photos smaller than a crop are mirrored outwards. Random numbers are drawn for all
+        recordings, but only the ``share`` of this process is cut.
         """
         places = [
             (index, *random_corner(self.photo(index), self.side, rng)) for index in indices.tolist()

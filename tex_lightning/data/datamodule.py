@@ -1,7 +1,7 @@
 """Batches for training and samples for validation.
 
-A training batch is a function of the seed and its number alone: neither loader processes nor an
-interruption change what the network sees.
+A training batch depends on the seed and its number alone, and not on the number of loader processes
+or on an interruption.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -24,17 +24,18 @@ UNSEEN = 1 << 32  # keeps the streams of epochs apart from those of batches
 
 @dataclass
 class TrainingBatches(Dataset[Batch]):
-    """Batch number ``i`` of an endless stream.
+    """Training batches by number, without end.
 
-    Recordings come in permutations, each of which holds every recording once. With several
-    senses, the one with most recordings is permuted, and random ones of the same class join it.
+    Recordings are taken in random permutations, so that each is taken once before any is repeated.
+    With several senses, the sense with most recordings is permuted, and each of its recordings is
+    paired with random recordings of the same class by the others.
 
     Attributes:
-        banks: For each sense, by name, its recordings and their class indices.
+        banks: By sense the bank of its recordings, and their class indices.
         batch_size: Samples in a batch.
         seed: Seed of everything random.
-        share: The part of every batch that is handed out; the others are drawn all the same, so
-            that the shares of several processes make the batch that one would have.
+        share: The part of every batch that this process gets. Random numbers are drawn for the
+            whole batch, so that the shares of several processes make the batch of one process.
     """
 
     banks: Mapping[str, tuple[Bank, Indices]]
@@ -70,8 +71,8 @@ class TrainingBatches(Dataset[Batch]):
 class EpochSampler(Sampler[int]):
     """Numbers of the batches of one epoch.
 
-    Lightning fetches the first batch of a resumed run before it tells samplers the epoch, so the
-    epoch is asked for when an iteration begins.
+    The epoch is read when an iteration begins: Lightning fetches the first batch of a resumed run
+    before it sets the epoch of samplers.
     """
 
     def __init__(self, steps: int, current_epoch: Callable[[], int]) -> None:
@@ -138,10 +139,10 @@ class SurfaceData(LightningDataModule):
         self.num_workers = num_workers
 
     def train_dataloader(self) -> DataLoader[Batch]:
-        """Return a loader of one epoch; the data set makes this process's share of each batch.
+        """Return a loader of one epoch, with this process's share of each batch.
 
-        A device other than the CPU holds network inputs that it has room for, unless other
-        processes make the batches.
+        Network inputs are copied to a device other than the CPU if it has room for them, unless
+        other processes make the batches.
         """
         if self._device.type != "cpu" and self.num_workers == 0:
             for bank in self._input_banks.values():
@@ -182,7 +183,7 @@ class SurfaceData(LightningDataModule):
         return torch.device("cpu") if self.trainer is None else self.trainer.strategy.root_device
 
     def _share(self) -> slice:
-        """Return every so manieth sample, from this process's number on."""
+        """Return the samples of this process: every ``world_size``-th, from its rank on."""
         if self.trainer is None:
             return WHOLE
         return slice(self.trainer.global_rank, None, self.trainer.world_size)
@@ -190,9 +191,10 @@ class SurfaceData(LightningDataModule):
     def transfer_batch_to_device(
         self, batch: Batch, device: torch.device, dataloader_idx: int
     ) -> Batch:
-        """Move a batch, and cut what the device holds; a whole sample stays on the CPU.
+        """Move a batch to the device, and cut there the inputs that the device holds.
 
-        There a fusion's tuples are seeded and a large photo is cut, as in testing.
+        A validation sample stays on the CPU, where it seeds the tuples of a fusion and a large
+        photo is divided into tiles, as in testing.
         """
         if self.trainer is not None and self.trainer.validating:
             return batch
@@ -201,10 +203,10 @@ class SurfaceData(LightningDataModule):
         return {**moved, **cut}
 
     def val_dataloader(self) -> DataLoader[Batch] | list[Any]:
-        """Return a loader of the validation samples, one at a time: they have unequal sizes.
+        """Return a loader of the validation samples, one at a time, since their sizes differ.
 
-        A process that has no share of them, of fewer samples than processes, reads all. Without
-        samples there is an empty list in place of a loader.
+        If there are fewer samples than processes, a process without a sample reads all of them.
+        Without any samples the result is an empty list.
         """
         samples = self.validation
         if not samples:

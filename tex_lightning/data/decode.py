@@ -29,7 +29,7 @@ from tex_lightning_runtime.samples import MAX_AXES, Channels, check_samples
 from tex_lightning_runtime.times import UNITS
 from tex_lightning_runtime.traces import TRACE_SUFFIXES, read_samples
 
-RATE_TOLERANCE = 0.01  # by which a rate that is stated may differ from that of a column of time
+RATE_TOLERANCE = 0.01  # relative difference allowed between a stated rate and the file's own
 ASSUMED = "an assumption"
 RATES = f"[{MIN_RATE:g}, {MAX_RATE:g}]"
 log = logging.getLogger(__name__)
@@ -39,11 +39,11 @@ Photo = npt.NDArray[np.uint8]
 
 
 class Decoded(NamedTuple):
-    """Samples or pixels of a file, the rate of its samples in Hz, and how it was read."""
+    """A decoded file: samples or pixels, and of a signal the file's rate in Hz and its reading."""
 
     array: Array
     rate: float | None = None
-    reading: Reading | None = None  # of signals
+    reading: Reading | None = None
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class SignalDecoder:
         channels: Channels of a sound, or columns of a table beside its time, that are kept: names,
             or numbers counted from 0; None keeps all.
         time_unit: Unit of times in tables that do not say it, such as ``ms``.
-        assumes: Whether nobody has given ``file_rate``.
+        assumes: Whether ``file_rate`` is only assumed, since nobody has given it.
     """
 
     sampling_rate: Annotated[float, RATES] = 10_000.0
@@ -105,10 +105,7 @@ class SignalDecoder:
         channels: Channels = None,
         time_unit: str | None = None,
     ) -> Self:
-        """Return the decoder for files of another rate in Hz or other columns than in training.
-
-        None leaves what it was.
-        """
+        """Return the decoder with the given rate in Hz and columns of files; None keeps its own."""
         given = self if rate is None else replace(self, file_rate=rate, assumes=False)
         if channels is not None:
             given = replace(given, channels=tuple(channels))
@@ -156,7 +153,7 @@ class PhotoDecoder:
     def scale(self, photo: Photo, name: str) -> Photo:
         """Halve or resize a photo (height, width, 3).
 
-        Of one that is not resized the middle is kept if it has more than 16.8 megapixels then.
+        A photo that is not resized is cropped to its middle where it exceeds 16.8 megapixels.
 
         Raises:
             UserError: If there is too little to be halved, beginning with ``name``.
@@ -188,7 +185,7 @@ def check_decoding(where: str, medium: str, settings: Mapping[str, Any]) -> None
     Args:
         where: Key of the settings.
         medium: ``signal`` or ``photo``.
-        settings: Fields of the decoder; what is null is left to it.
+        settings: Fields of the decoder; null stands for its default.
 
     Raises:
         UserError: Naming all of them.
@@ -208,7 +205,7 @@ def _are_channels(channels: Sequence[Any]) -> bool:
 
 
 class SourceSignal(NamedTuple):
-    """Samples (axes, samples) of a file, their rate in Hz, and how the file was read."""
+    """A signal at the rate of its file: samples (axes, samples), rate in Hz, and its reading."""
 
     samples: npt.NDArray[np.floating]
     rate: float
@@ -216,10 +213,10 @@ class SourceSignal(NamedTuple):
 
 
 def read_trace(path: Path, settings: SignalDecoder, rate: float | None = None) -> SourceSignal:
-    """Read a trace as it stands in its file.
+    """Read a trace at the rate of its file.
 
-    The rate is the file's own, else the stated one, else the assumed ``data.file_rate``. Arguments
-    and errors are those of :meth:`SignalDecoder.decode`.
+    The rate is that of the file's header or column of time, else ``rate``, else ``file_rate`` of
+    the settings. Arguments and errors are those of :meth:`SignalDecoder.decode`.
     """
     samples, source, reading = read_once(read_samples, path, settings.channels, settings.time_unit)
     check_samples(samples, f"Trace {path}")
@@ -247,7 +244,7 @@ _keeps, _bytes = False, 0  # bytes that were kept since all was freed
 
 @contextmanager
 def keeping_traces() -> Iterator[None]:
-    """Keep what :func:`read_once` reads meanwhile."""
+    """Keep in memory what :func:`read_once` reads in this context."""
     global _keeps
     _keeps = True
     try:
@@ -265,12 +262,12 @@ def forget_traces() -> None:
 
 
 def read_once(read: Callable[..., T], path: Path, *how: Any) -> T:  # noqa: ANN401
-    """Return ``read(path, *how)``, or what an earlier call has kept of it, which is then freed.
+    """Return ``read(path, *how)``, or the result that an earlier call has kept, and free that.
 
     Args:
-        read: Reads a tuple that begins with samples.
-        path: File that it reads; a file that has changed since is read again.
-        *how: Further arguments.
+        read: Function that returns a tuple whose first item is the samples.
+        path: File to read; it is read again if it has changed since.
+        *how: Further arguments of the function.
 
     Raises:
         UserError: As ``read`` does.

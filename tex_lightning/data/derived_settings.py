@@ -46,15 +46,15 @@ SLOW_RATE = 500.0  # Hz; below it a signal's level and direction tell much: pres
 def derive_settings(
     config: Config, composed: DictConfig, job: Job
 ) -> tuple[Config, DictConfig, Job]:
-    """Settle what follows from the user's recordings.
+    """Add the settings that follow from the user's recordings, as overrides of the job.
 
     Args:
         config: The configuration, checked.
-        composed: What Hydra composed from the overrides of the job.
+        composed: The configuration as Hydra composed it.
         job: The job.
 
     Returns:
-        The configuration, as it was composed in the end, and the job with the overrides for that.
+        All three with the added overrides.
 
     Raises:
         UserError: If a key or value cannot be used, or the data set cannot be read.
@@ -69,7 +69,7 @@ def derive_settings(
 def _recomposed(composed: DictConfig, job: Job, given: Job) -> DictConfig:
     """Return the configuration with the overrides that were added to a job.
 
-    Composing takes a fifth of a second, which only other options of a group need.
+    Composing again takes a fifth of a second and is done only if an option of a group changes.
     """
     before, added = job.overrides, parsed_overrides(given.overrides[len(job.overrides) :])
     if given.overrides[: len(before)] != before or any("." not in key_of(each) for each in added):
@@ -114,14 +114,14 @@ def with_derived(task: str, data: DataConfig, model: ModelConfig, job: Job) -> J
 
 
 def _without_validation(data: DataConfig, job: Job) -> Job:
-    """Train on everything where nothing is tested, unless a validation fold is asked for."""
+    """Leave out the validation fold where nothing is tested, unless the user has chosen one."""
     if data.val_fold is None or job.sets("data.val_fold") or not job.sets("data.test_fold"):
         return job
     return replace(job, overrides=(*job.overrides, "data.val_fold=null"))
 
 
 def _with_real_folds(task: str, data: DataConfig, model: ModelConfig, job: Job) -> Job:
-    """Set the number of folds to those that the table fixes, or at most the groups of a class."""
+    """Set the number of folds to that of the table: its own folds, or at most its groups."""
     folds = count_folds(read_recordings(data, model.modalities, least=1))
     if folds == data.folds:
         return job
@@ -167,7 +167,7 @@ def weights_are_installed() -> bool:
 
 
 def _own_rate(data: DataConfig, model: ModelConfig) -> float:
-    """Return the highest rate in Hz of the traces that are brought to one, at most the paper's."""
+    """Return the rate in Hz to resample traces to: the highest of some, at most the paper's."""
     senses = [model.sense(sense) for sense in model.senses]
     channels = {
         sense.modality: sense.decode.get("channels")
@@ -201,7 +201,7 @@ def _rate(row: Recording, data: DataConfig, channels: list[int | str] | None) ->
 
 
 def _level_overrides(data: DataConfig, model: ModelConfig) -> Iterator[str]:
-    """Yield the number of channels whose level counts, for features that leave it open."""
+    """Yield the override ``levels``, the number of axes, for features of slow signals."""
     for name in model.senses:
         sense = model.sense(name)
         rate: float = sense.decode.get("sampling_rate") or data.sampling_rate or PAPERS_RATE

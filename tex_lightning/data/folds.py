@@ -24,10 +24,10 @@ DECIMAL = re.compile(r"[-+]?((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)")
 
 
 def comparable(value: object) -> str:
-    """Return one text for all values that are equal, such as ``60``, ``"60"`` and ``60.0``.
+    """Return the same text for equal values, such as ``60``, ``"60"`` and ``60.0``.
 
-    So are YAML's ``true`` and Python's ``True``; other words are compared as text, also ``007``,
-    ``1_0`` and ``1e3``, which may be names.
+    YAML's ``true`` equals Python's ``True``. All else is compared as text, even ``007``, ``1_0``
+    and ``1e3``, which may be names.
     """
     text = one_name(str(value))
     if not DECIMAL.fullmatch(text):
@@ -36,7 +36,7 @@ def comparable(value: object) -> str:
 
 
 def is_tested(row: Recording, where: Mapping[str, Any]) -> bool | None:
-    """Return whether a recording has the tested conditions; None if it has no such column."""
+    """Return whether a recording has the tested conditions; None without any of their columns."""
     conditions = {name: value for name, value in row.conditions if name in where}
     if not conditions:
         return None
@@ -93,7 +93,7 @@ def describe_conditions(where: Mapping[str, Any]) -> str:
 
 
 def as_override(where: Mapping[str, Any] | None) -> str:
-    """Return the override for them in a shell."""
+    """Return the override ``data.test_where=...`` for conditions, quoted for a shell."""
     if where is None:
         return "data.test_where=null"
     pairs = (f"{name}: {json.dumps(wanted, ensure_ascii=False)}" for name, wanted in where.items())
@@ -129,12 +129,12 @@ class Sample:
 def with_folds(recordings: Recordings, folds: int) -> Recordings:
     """Assign a fold to every recording of a table, unless all have one.
 
-    Groups are taken in natural order, so that of classes with equally many recordings the n-th of
-    each is in fold n, modulo their number.
+    Groups are assigned in natural order. If all classes have equally many recordings, the n-th
+    recording of each is in fold n, modulo the number of folds.
 
     Args:
-        recordings: The table; of a part of it folds may be others.
-        folds: Number of folds; of fewer groups in every class there are as many as those.
+        recordings: The whole table; for a part of it the folds could differ.
+        folds: Number of folds. It is reduced to the number of groups of the class with most groups.
     """
     rows = recordings.rows
     if all(row.fold is not None for row in rows):
@@ -151,7 +151,7 @@ def with_folds(recordings: Recordings, folds: int) -> Recordings:
 
 
 def count_folds(recordings: Recordings) -> int:
-    """Return the number of folds of a table that has them; where all is in one, 2 to say so."""
+    """Return the number of folds of a table with folds, but at least 2."""
     return max(2, 1 + max(row.fold or 0 for row in recordings))
 
 
@@ -164,16 +164,16 @@ def absent_classes(
 
 
 def split(recordings: Recordings, by: Folding, *, trains: bool = False) -> Split:
-    """Divide by fold, or by ``test_where`` where the recordings of a sense have its conditions.
+    """Divide by fold, or by ``test_where`` where the recordings of a modality have its conditions.
 
-    Where few recordings of a class are trained on, they are the next ones after the tested fold,
-    so that ten folds are ten draws of them and any two systems see the same.
+    With ``per_class``, the recordings trained on are the next ones after the tested fold. So ten
+    folds are ten draws of them, and any two systems are trained on the same.
 
     Args:
         recordings: The recordings.
         by: The division.
-        trains: Whether something is trained: without a test fold it then leaves out nothing, while
-            a test without one tests everything.
+        trains: What a division without a test fold means: with True all recordings are trained on,
+            with False all are tested.
     """
     parts: dict[str, list[Recording]] = {"train": [], "val": [], "test": []}
     for row in with_folds(recordings, by.folds):
@@ -218,8 +218,8 @@ def next_of_each(rows: Sequence[Recording], count: int, fold: int, folds: int) -
 def make_samples(part: Recordings, modalities: Sequence[str]) -> list[Sample]:
     """List the samples of one part, class by class in file order.
 
-    Of several modalities the longest list of a class decides the number of samples and shorter ones
-    are gone through again, so that every recording is seen; a class that lacks one gives none.
+    With several modalities, a class has as many samples as recordings of the modality with most of
+    them; those of the others are repeated. A class without recordings of one modality has none.
     """
     lists: dict[tuple[str, str], list[Recording]] = defaultdict(list)
     for row in part:
@@ -236,7 +236,7 @@ def make_samples(part: Recordings, modalities: Sequence[str]) -> list[Sample]:
 
 
 def check_split(parts: Split, classes: list[str], modalities: Sequence[str], by: Folding) -> None:
-    """Make sure that every class can be trained and that there is what should be tested.
+    """Check that every class has recordings to train on, and that the tested part has samples.
 
     Raises:
         UserError: Naming the classes and the modality that are missing.

@@ -177,9 +177,9 @@ class Recordings:
 
 
 def one_name(name: str) -> str:
-    """Return the same text for all spellings that look alike: composed letters, no outer blanks.
+    """Return the normal form of a name: composed accents (Unicode NFC), no outer blanks.
 
-    Some systems write an accent as a letter of its own, and spreadsheets keep blanks at the end.
+    Some systems write an accent as a separate character, and spreadsheets keep trailing blanks.
     """
     return unicodedata.normalize("NFC", name).strip()
 
@@ -217,7 +217,7 @@ def plural(modality: str) -> str:
 
 
 def natural_key(text: str) -> tuple[list[tuple[int, int, str]], str]:
-    """Sort key that counts: ``query2`` comes before ``query10``; equal only for equal names."""
+    """Return a key that sorts ``query2`` before ``query10``; equal only for equal names."""
     parts = [
         (0, int(part), "") if part.isdecimal() else (1, 0, part.casefold())
         for part in re.split(r"(\d+)", text)
@@ -349,7 +349,7 @@ def _read_line(folder: Path, line: dict[str, str]) -> Recording:
 
 
 def _nearly(name: str) -> str | None:
-    """Return the column that another one may have been meant for; None if there is none."""
+    """Return the known column that a name may be a misspelling of; None if there is none."""
     plain = re.sub(r"[\W_]+", "", name.casefold())
     if name in KNOWN or not plain:
         return None

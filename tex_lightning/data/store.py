@@ -1,9 +1,9 @@
-"""Cache of decoded files: memory-mapped arrays outside the package.
+"""Cache of decoded files: memory-mapped arrays in a folder outside the package.
 
-One ``.npy`` per recording, named by a digest of its files' identity (path, time of change and
-content) and the decode settings; of a recording that is a part of its file the part is cut out
-after decoding. Entries are written under another name and moved into place, so that a reader never
-sees half an array and two processes that decode the same file do no harm.
+Each recording has one ``.npy`` file. Its name is a digest of the path, the time of change and the
+content of the recording's files, of the decoder's settings and of the part of the file. Entries are
+written under another name and then renamed, so no reader sees half an array, and two processes may
+decode the same file.
 """
 
 import hashlib
@@ -68,16 +68,16 @@ def skipped_entry(unusable: Iterable[Unusable]) -> list[dict[str, str]]:
 
 
 DIGITS = 32  # of a digest; checkpoints keep one for each recording
-LAYOUT = 9  # of an entry: what an earlier version decoded otherwise is decoded anew
+LAYOUT = 9  # version of the entries: those of another version are decoded again
 UNREADABLE = (OSError, ValueError, EOFError)  # not there yet, or damaged by a full disk
-SIZE = struct.Struct("<Q")  # of what is told of a trace, at the end of its entry
+SIZE = struct.Struct("<Q")  # length of the JSON of a trace, at the end of its entry
 T = TypeVar("T")
 
 
 def cache_root(configured: str | None) -> Path:
-    """Return the configured cache folder, else the user's own, made if it does not exist.
+    """Return the configured cache folder, else the user's cache folder; make it if it is missing.
 
-    It may be one that can only be read, as long as it has what is needed.
+    A folder that cannot be written serves as well, as long as it holds all entries.
     """
     root = Path(configured or platformdirs.user_cache_dir("tex_lightning")).expanduser()
     try:
@@ -95,10 +95,10 @@ def _unwritable(root: Path, error: BaseException | None) -> UserError:
 
 
 def fingerprint(path: Path) -> str:
-    """Return a digest of a recording's content, which is the same for a copy.
+    """Return a digest of the content of a recording's files, equal for copies.
 
     Args:
-        path: File of the recording, or of any axis if each has its own.
+        path: File of the recording; if each axis has a file, that of any axis.
     """
     digests = []
     for file in axis_files(path):
@@ -111,9 +111,10 @@ def fingerprint(path: Path) -> str:
 
 @lru_cache(maxsize=1 << 16)
 def _digest(file: Path, _: tuple[int, ...]) -> str:
-    """Return a digest of all of a file, which is read once as long as its state is the same.
+    """Return a digest of a whole file; it is read again if its size or times have changed.
 
-    Its ends do not do: gated recordings begin and end in silence, and scans in a white border.
+    Both ends of a file would not do: gated recordings begin and end with silence, and scans with a
+    white border.
     """
     with file.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
@@ -122,7 +123,7 @@ def _digest(file: Path, _: tuple[int, ...]) -> str:
 class Store:
     """Decoded recordings: signals float32, photos uint8.
 
-    Files that it was filled with stay for it what they were then, as long as the cache has them.
+    A file that changes after :meth:`fill` is not decoded again while the cache keeps its entry.
 
     Args:
         root: The cache folder; see :func:`cache_root`.
@@ -132,7 +133,7 @@ class Store:
     def __init__(self, root: Path, decoders: Mapping[str, Decoder]) -> None:
         self.root = root / "decoded"
         self.decoders = decoders
-        self.entries: dict[Recording, Path] = {}  # of what it was filled with, as it was then
+        self.entries: dict[Recording, Path] = {}  # of the recordings of the last fill
 
     def load(self, recording: Recording) -> npt.NDArray[Any]:
         """Return a read-only map: (axes, samples) float32 or (height, width, 3) uint8."""
@@ -151,7 +152,7 @@ class Store:
         return self._read(recording, _read_reading)
 
     def _read(self, recording: Recording, read: Callable[[Path], T]) -> T:
-        """Read from the entry of a recording, which is made if the cache has no whole one."""
+        """Read from the entry of a recording; decode it if the cache has no complete entry."""
         entry = self._entry(recording)
         try:
             return read(entry)
@@ -179,10 +180,10 @@ class Store:
         return array
 
     def fill(self, recordings: Iterable[Recording]) -> list[Unusable]:
-        """Decode what is not in the cache yet, several files at a time.
+        """Decode the recordings that are not in the cache yet, several files at a time.
 
         Returns:
-            The files that cannot be decoded, and why.
+            The recordings that cannot be decoded, each with the reason.
         """
         try:
             with suppress_warnings():
@@ -191,7 +192,7 @@ class Store:
             forget_traces()  # of those that the cache has had
 
     def _try(self, recording: Recording) -> Unusable | None:
-        """Decode a file unless the cache has it; a full disk is no fault of the file."""
+        """Decode a file unless the cache has it; return why it cannot be decoded, else None."""
         try:
             entry = self.entries[recording] = self._identify(recording)
             with suppress(*UNREADABLE):
@@ -207,7 +208,7 @@ class Store:
         return self.entries.get(recording) or self._identify(recording)
 
     def _identify(self, recording: Recording) -> Path:
-        """Return the entry of a recording's files as they are now."""
+        """Return the path of the entry for the present state of a recording's files."""
         files = axis_files(recording.path)
         identity = {
             "fingerprint": fingerprint(files[0]),  # a copy may bring its time along
@@ -235,7 +236,7 @@ class Store:
 
 
 def _save(path: Path, decoded: Decoded) -> None:
-    """Write the array and, in the same file, the rate of a trace and how it was read."""
+    """Write the array, and behind it the rate and the reading of a trace as JSON."""
     with path.open("wb") as stream:
         np.save(stream, decoded.array, allow_pickle=False)
         if decoded.reading is not None:
@@ -244,7 +245,7 @@ def _save(path: Path, decoded: Decoded) -> None:
 
 
 def _told(entry: Path) -> dict[str, Any]:
-    """Read what is told of a trace behind its array."""
+    """Read the JSON behind the array of a trace."""
     with entry.open("rb") as stream:
         end = stream.seek(-SIZE.size, os.SEEK_END)
         (size,) = SIZE.unpack(stream.read())
@@ -264,11 +265,11 @@ def _read_reading(entry: Path) -> Reading:
 
 
 def _map(entry: Path) -> npt.NDArray[Any]:
-    """Map an entry that is whole.
+    """Return the memory-mapped array of an entry.
 
     Raises:
-        OSError: If it is not there.
-        ValueError: If it is shorter than its header says, or no file.
+        OSError: If there is no entry.
+        ValueError: If the file is shorter than its header says.
     """
     if not entry.is_file():  # a pipe would be waited for
         raise FileNotFoundError(entry)

@@ -47,7 +47,7 @@ def make_inference_model(
     """Prepare a classifier for tests: accelerated, with the configured decision.
 
     Args:
-        classifier: Trained; it is left as it is.
+        classifier: Trained classifier; it is not changed.
         engine: Settings of the accelerated copy.
         decision: Threshold of unknown recordings, early stopping.
 
@@ -62,11 +62,11 @@ def make_inference_model(
 def decide(
     full: SurfaceClassifier, decision: DecisionConfig, costs: Costs | None = None
 ) -> Decider:
-    """Return what decides with a classifier as ``decision`` says.
+    """Return the decider that uses a classifier: itself, or a sequential decision by it.
 
     Args:
-        full: In evaluation mode, as it is to run.
-        decision: ``name`` and the threshold.
+        full: Classifier in evaluation mode, accelerated or not.
+        decision: Name of the decision, and its threshold.
         costs: Costs of the classifier, for a sequential decision; None counts them.
 
     Raises:
@@ -83,16 +83,16 @@ def decide(
 
 
 class Deciders:
-    """What decides on samples of all senses, or of some: made once, and chosen for each sample.
+    """Deciders for samples that have all senses of a classifier, and for those that have some.
 
     Args:
-        classifier: Trained; it is left as it is.
+        classifier: Trained classifier; it is not changed.
         engine: Settings of the accelerated copy, whose networks all deciders share.
         decision: Threshold of unknown recordings, early stopping.
 
     Attributes:
-        fast: The accelerated classifier by senses, of every subset of them.
-        by: What decides, by the same.
+        classifiers: The accelerated classifier of every subset of the senses.
+        by_senses: The decider of every subset of the senses.
 
     Raises:
         UserError: If a baseline is to decide sequentially.
@@ -107,17 +107,17 @@ class Deciders:
         if fast.card.unknown_above is None and not weighted:  # nobody asks how novel a sample is
             fast.statistics = nn.ModuleDict()
         subsets = [some for count in range(len(senses)) for some in combinations(senses, count + 1)]
-        self.fast = {subset: fast.with_senses(subset) for subset in subsets}
+        self.classifiers = {subset: fast.with_senses(subset) for subset in subsets}
         whole = decide(fast, decision)
         costs = whole.costs if isinstance(whole, SequentialDecision) else None
-        self.by = {
+        self.by_senses = {
             subset: decide(part, decision, costs and costs.with_senses(subset))
-            for subset, part in self.fast.items()
+            for subset, part in self.classifiers.items()
         }
 
 
 def is_local(sense: Sense) -> bool:
-    """Return whether a frame depends on its own samples, and a position on its own frames."""
+    """Return whether a beginning of a trace gives the same positions as the whole trace."""
     features = sense.features
     local = isinstance(features, SpectrogramFeatures) and (
         (features.axes, features.normalisation) == ("frame", "standard")
@@ -126,21 +126,21 @@ def is_local(sense: Sense) -> bool:
 
 
 def is_confident(probability: float, threshold: float) -> bool:
-    """Return whether a mean class probability decides; a threshold of 1 is never reached."""
+    """Return whether a probability reaches the threshold; a threshold of 1 is never reached."""
     return probability >= (threshold if threshold < 1 else inf)
 
 
 class SequentialDecision:
-    """A decision that computes only the fragments that it needs; see the module.
+    """A decider that stops as soon as it is confident; see the module.
 
     Args:
-        full: Computes; its full vote is the decision that is spared.
-        config: ``confidence_threshold``.
-        costs: Costs of ``full``.
+        full: Classifier that computes the scores.
+        config: Settings with the ``confidence_threshold``.
+        costs: Costs of the classifier.
 
     Attributes:
-        card: Card of ``full``.
-        threshold: Mean probability at which some senses, or the beginning of a trace, decide.
+        card: Card of the classifier.
+        threshold: Mean probability at which the decision stops.
     """
 
     def __init__(self, full: SurfaceClassifier, config: DecisionConfig, costs: Costs) -> None:
@@ -167,7 +167,7 @@ class SequentialDecision:
         return self.full.classify(**recordings)
 
     def _trace(self, sense: Sense, trace: Tensor) -> Vote:
-        """Classify longer and longer beginnings of a trace as long as they cost little."""
+        """Classify longer and longer beginnings of a trace until the vote is confident."""
         features: Any = sense.features
         bands, frames = sense.input_size(trace)
         sense.check_input(bands, frames)
@@ -219,10 +219,10 @@ class SequentialDecision:
         return is_confident(vote.probability, self.threshold) and not novel
 
     def _cost(self, sense: Sense, recording: Tensor) -> int:
-        """Count the multiply-accumulates of one sense, of a recording that is large enough.
+        """Return the multiply-accumulates of one sense for a recording.
 
-        Of a network that does not say what it makes of a recording they are counted on the first
-        one, and taken as proportional to its size for others: computing tells, but costs as much.
+        If they do not follow from the size of the recording, they are counted on the first one and
+        taken as proportional to the size: to count them takes as long as to classify.
         """
         if sense.knows_min_size:
             sense.check(recording)

@@ -35,17 +35,17 @@ log = logging.getLogger(__name__)
 
 
 class Probe(NamedTuple):
-    """Input of a network and its outputs at some levels."""
+    """Input of a network, and its outputs at some levels."""
 
     x: Tensor
     scores: list[Tensor]
 
 
 def accelerate(classifier: SurfaceClassifier, config: EngineConfig) -> SurfaceClassifier:
-    """Copy a classifier for inference as ``config`` says; a copy of a baseline shares it.
+    """Return an accelerated copy of a classifier; the copy of a baseline shares the baseline.
 
     Args:
-        classifier: A trained classifier on any device; it is left as it is.
+        classifier: A trained classifier on any device; it is not changed.
         config: Whether layers are rewritten, and the size of tiles.
 
     Returns:
@@ -69,7 +69,7 @@ def accelerate(classifier: SurfaceClassifier, config: EngineConfig) -> SurfaceCl
 
 
 def _rewrite(network: nn.Module) -> int:
-    """Rewrite what can be rewritten exactly; return how many layers that are."""
+    """Rewrite all layers that can be rewritten exactly; return their number."""
     count, in_place = fold_batch_norm(network), is_builtin(network)
     for layers in sequences(network):
         for place, layer in enumerate(layers):
@@ -80,7 +80,7 @@ def _rewrite(network: nn.Module) -> int:
 
 
 def _rewrite_channels_last(network: nn.Module) -> int:
-    """Do the same, and lay out images with the channels innermost, which is faster."""
+    """Rewrite layers, and lay out weights with the channels innermost, which is faster."""
     count, layout = _rewrite(network), torch.channels_last
     images = [values for values in network.parameters() if values.dim() == 4]
     for values in images:
@@ -94,16 +94,16 @@ REWRITINGS = (_rewrite_channels_last, _rewrite)  # the second for what depends o
 def rewritten(
     sense: Sense, levels: Collection[Level], ways: Sequence[Callable[[nn.Module], int]]
 ) -> nn.Module:
-    """Return a sense's network rewritten, or as it is where no rewritten copy is equal to it.
+    """Return the rewritten network of a sense, or the network itself if no rewriting is equal.
 
-    This package's networks consist of patterns that are rewritten exactly. Another network may do
-    with its layers what no pattern tells, so that its copy has to give the same on noise.
+    Networks of this package are known to be rewritten exactly. A user's network may call its layers
+    in other ways, so its rewritten copy has to give the same outputs on noise.
 
     Args:
-        sense: In evaluation mode, without gradients; on the CPU, if its network is not of this
-            package. A network of this package's is changed, another is copied.
+        sense: Sense in evaluation mode, without gradients; with a user's network on the CPU. A
+            network of this package is changed in place, a user's is copied.
         levels: Levels at which the network is used.
-        ways: Functions that change a network and return at how many places, the best one first.
+        ways: Functions that rewrite a network and return the number of changes, the best first.
     """
     network = sense.network
     if is_builtin(network):
@@ -131,7 +131,7 @@ def rewritten(
 
 
 def _probe(sense: Sense, levels: Collection[Level]) -> Probe | None:
-    """Run a network on noise, as large as it needs; None where it makes no finite scores of any."""
+    """Run a network on noise of sufficient size; None if its scores of all are not finite."""
     for recording in _noise(sense):
         with suppress(Exception):  # which is raised again where the network is used
             x = sense.dense_input(recording)
@@ -154,14 +154,14 @@ def _noise(sense: Sense) -> Iterator[Tensor]:
 
 @torch.inference_mode()
 def _scores(sense: Sense, x: Tensor, levels: Collection[Level]) -> list[Tensor]:
-    """Return the outputs of a network at some levels; what it draws is the same in every call."""
+    """Return the outputs of a network at some levels; random numbers are the same in every call."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(0)
         return [sense.score(x.clone(), level).float() for level in sorted(levels)]
 
 
 def _agrees(sense: Sense, levels: Collection[Level], expected: Probe) -> bool:
-    """Return whether a network gives what is expected but for rounding."""
+    """Return whether the outputs of a network are the expected ones but for rounding."""
     weights = next(sense.network.parameters(), expected.x)
     share = max(TOLERANCE, ROUNDINGS * torch.finfo(weights.dtype).eps)
     try:
@@ -188,14 +188,14 @@ def count_macs(function: Callable[[], object]) -> int:
 
 
 def sample_macs(classifier: SurfaceClassifier, **recordings: Tensor) -> int:
-    """Count the multiply-accumulates of the class scores of a sample, those of features too.
+    """Count the multiply-accumulates of the class scores of a sample, including its features.
 
-    The networks run on tensors that hold nothing: untiled, a large photo would take far more memory
-    than its test.
+    Networks of this package run on meta tensors, without memory: not tiled, a large photo would
+    take far more memory than its test.
 
     Args:
         classifier: Classifier as it was trained and not accelerated.
-        **recordings: Decoded, by modality.
+        **recordings: Decoded recordings by modality.
     """
     senses = classifier.senses.items()
     if classifier.card.baseline or not all(sense.is_builtin for _, sense in senses):
@@ -205,14 +205,13 @@ def sample_macs(classifier: SurfaceClassifier, **recordings: Tensor) -> int:
     def run() -> None:
         for name, sense in senses:
             x = sense.dense_input(recordings[sense.modality]).to("meta")
-            grid = empty.senses[name].dense_grid(x, empty.embedding_layer(name))
-            empty.output_of(name, grid.flatten(1))
+            empty.output_of(name, empty.embedding_of_input(name, x))
 
     return count_macs(run)
 
 
 class Costs:
-    """Multiply-accumulates of a classifier, counted on tensors that hold nothing.
+    """Multiply-accumulates of a classifier, counted on meta tensors before anything is computed.
 
     Convolutions and matrix products are counted; features, pooling and normalisation are not.
 
@@ -220,8 +219,8 @@ class Costs:
         classifier: Classifier on the meta device, as it was trained and not accelerated.
 
     Attributes:
-        of: Multiply-accumulates of one sense with its part of a fusion layer, by its name and the
-            height and width of its input.
+        of: Function of a sense's name and the height and width of its input that returns the
+            multiply-accumulates of this sense with its part of a fusion layer.
     """
 
     def __init__(self, classifier: SurfaceClassifier) -> None:
@@ -234,7 +233,7 @@ class Costs:
         return cls(SurfaceClassifier(card).eval().to("meta"))
 
     def with_senses(self, senses: Sequence[str]) -> "Costs":
-        """Return the costs where the other senses are absent."""
+        """Return the costs of the classifier that uses some of the senses."""
         return Costs(self.classifier.with_senses(senses))
 
     def _of(self, sense: str, height: int, width: int) -> int:

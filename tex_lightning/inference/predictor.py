@@ -113,7 +113,7 @@ class Predictor:
         """
         inputs = {name: value for name, value in recordings.items() if value is not None}
         self.check_senses(inputs)
-        decider = self.deciders.by[self._senses(inputs)]
+        decider = self.deciders.by_senses[self._senses(inputs)]
         begin = time.perf_counter()
         try:
             decoded = self.decoded(inputs, rate=rate, colour=colour)
@@ -224,7 +224,7 @@ class Predictor:
                 "A live stream takes signals as they come and photos as they are; "
                 + (f"{unfit[0]} is given as the other." if unfit else "give a signal.")
             )
-        fast = self.deciders.fast[self._senses(modalities)]
+        fast = self.deciders.classifiers[self._senses(modalities)]
         decoded = self.decoded(fixed, colour=colour)
         rates = {name: rate.get(name) if isinstance(rate, Mapping) else rate for name in signals}
         return LiveStream(fast, rates, decoded, self.config.stream, self.config.top_k)
@@ -247,14 +247,14 @@ class Predictor:
             raise UserError(f"There is nothing to classify; give {some}.")
 
     def _senses(self, modalities: Collection[str]) -> tuple[str, ...]:
-        """Return those whose recordings are there."""
+        """Return the names of the senses that read these modalities."""
         senses = self.classifier.senses.items()
         return tuple(name for name, sense in senses if sense.modality in modalities)
 
     def decoded(
         self, inputs: Mapping[str, Input], *, rate: Rate = None, colour: str = "rgb"
     ) -> dict[str, tuple[Tensor, Quality]]:
-        """Return decoded recordings by modality, and what is wrong with them; see `predict`."""
+        """Return decoded recordings and their quality by modality; arguments as of `predict`."""
         decoded: dict[str, tuple[Tensor, Quality]] = {}
         data = self.config.data
         rates = rate if isinstance(rate, Mapping) else dict.fromkeys(inputs, rate)
@@ -271,7 +271,7 @@ class Predictor:
 
 
 def _taken(sense: Sense) -> str:
-    """Say what a sense takes."""
+    """Return the modality of a sense, and the rate of a signal."""
     decoder = sense.decoder
     if isinstance(decoder, SignalDecoder):
         return f"{sense.modality} at {decoder.sampling_rate:,.6g} Hz"

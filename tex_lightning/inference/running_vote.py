@@ -40,23 +40,23 @@ PER_OCTAVE = 4  # of power, in which fragments are told apart that may turn out 
 
 
 class MarkedSignal(NamedTuple):
-    """A part of a signal (axes, samples), and which samples (samples,) belong to a rest."""
+    """A stretch of a signal (axes, samples), and a mask (samples,) of the rests in it."""
 
     signal: Tensor
     rests: Tensor
 
     @property
     def movement(self) -> Tensor:
-        """The rest of it, (axes, samples)."""
+        """The samples (axes, samples) that are no rest."""
         return self.signal[:, ~self.rests] if bool(self.rests.any()) else self.signal
 
 
 class LiveRests:
-    """Judge where the tool rests (:func:`~.movement.resting`) while a signal goes on.
+    """Find rests of the tool (:func:`~.movement.resting`) in a signal that goes on.
 
     Args:
         sampling_rate: Sampling rate in Hz.
-        skip: Whether there are rests; else everything is movement.
+        skip: Whether to look for rests; else everything is movement.
     """
 
     def __init__(self, sampling_rate: float, skip: bool) -> None:
@@ -68,11 +68,11 @@ class LiveRests:
         self.pending: Tensor | None = None
 
     def push(self, new: Tensor, ahead: Tensor) -> tuple[MarkedSignal, MarkedSignal]:
-        """Return what is settled now, and what comes after it.
+        """Return the stretch whose rests are final now, and the preliminary one after it.
 
         Args:
-            new: (axes, samples).
-            ahead: What comes after, for now.
+            new: New samples (axes, samples).
+            ahead: Preliminary samples after them; the next call replaces them.
         """
         pending = new if self.pending is None else torch.cat((self.pending, new), dim=1)
         now = torch.cat((pending, ahead), dim=1)
@@ -101,12 +101,12 @@ class LiveRests:
 
 @dataclass
 class Sums:
-    """What fragments have added up to.
+    """Sums over fragments.
 
     Attributes:
-        tally: Their votes, probabilities and scores.
-        total: (D,) float64, of their embeddings.
-        count: Their number.
+        tally: Sums of their votes, probabilities and scores.
+        total: (D,) float64, sum of their embeddings.
+        count: Number of fragments.
     """
 
     tally: Tally
@@ -121,10 +121,10 @@ class Sums:
 
 
 class RunningVote(ABC):
-    """The vote of one sense over a signal that goes on.
+    """The vote of a classifier over a signal that goes on.
 
     Args:
-        classifier: Classifier of this sense alone.
+        classifier: Classifier of a single sense.
     """
 
     features: Any
@@ -150,7 +150,7 @@ class RunningVote(ABC):
 
         Args:
             new: Samples (axes, samples) at the rate of the sense.
-            ahead: What comes after them as if the signal ended here; the next call replaces it.
+            ahead: Preliminary samples after them; the next call replaces them.
 
         Raises:
             UserError: If there is no fragment yet.
@@ -171,20 +171,20 @@ class RunningVote(ABC):
 
     @abstractmethod
     def _go_on(self, settled: MarkedSignal, rest: MarkedSignal) -> Vote:
-        """Return the vote when more of the signal is settled, and the rest comes after."""
+        """Return the vote after a further final stretch, and the preliminary one after it."""
 
     def _embedding(self, x: Tensor) -> Tensor:
-        """Return the features (D, positions) of a network input."""
-        return self.sense.dense_grid(x, self.layer).flatten(1)
+        """Return the embedding (D, positions) of a network input."""
+        return self.classifier.embedding_of_input(self.name, x)
 
     def _add(self, embedding: Tensor, key: float = math.inf) -> None:
-        """Add up fragments (D, positions); ``key`` is their power where they may be rests."""
+        """Add fragments (D, positions) to the sums of their power, by which rests are told."""
         sums, _ = self._sums_of(embedding, self._added())
         self.sums[key] = self.sums[key].joined(sums) if key in self.sums else sums
         self.count += sums.count
 
     def _added(self) -> Sums:
-        """Return the sums of all fragments but those that are rests by what is known now."""
+        """Return the sums of all fragments that are no rests by the present limit of power."""
         limit, sums = self.rests.limit, self._blank()
         least = PER_OCTAVE * math.log2(limit) if limit > 0 else -math.inf
         for key, some in self.sums.items():
@@ -204,7 +204,7 @@ class RunningVote(ABC):
         return sums, mean
 
     def _vote(self, embedding: Tensor) -> Vote:
-        """Vote with further fragments (D, positions) that are not added up."""
+        """Vote by all added fragments and further ones (D, positions), without adding these."""
         before = self._added()
         sums, mean = self._sums_of(embedding, before)
         every = before.joined(sums)
@@ -227,13 +227,13 @@ class RunningVote(ABC):
 
 
 class RunningSpectrogramVote(RunningVote):
-    """Of a network whose positions each see a window of a spectrogram.
+    """The running vote of a network whose positions each see a window of a spectrogram.
 
     Attributes:
-        samples: (axes, samples) of which there are no frames yet.
-        frames: (1, 1, bands, frames) that the positions to come depend on.
-        first: Number of the first of them.
-        cut: Samples of the movement, without a rest at its end.
+        samples: (axes, samples) that no frame was computed of yet.
+        frames: (1, 1, bands, frames) that positions still to come depend on.
+        first: Number of the first of these frames.
+        cut: Number of samples up to the end of the last movement.
     """
 
     features: SpectrogramFeatures
@@ -270,7 +270,7 @@ class RunningSpectrogramVote(RunningVote):
         return torch.cat((known, more[None, None]), dim=-1)
 
     def _voted(self, settled: Tensor, every: Tensor) -> Vote:
-        """Vote by all frames up to the cut, and add up positions that only settled ones reach."""
+        """Vote by all frames up to the cut, and add the positions that see only final frames."""
         end, stride, added = self.features.frames(self.cut), self.sense.stride, self.count
         skip = added - self.first // stride
         found: Tensor | None = None
@@ -291,12 +291,12 @@ class RunningSpectrogramVote(RunningVote):
 
 
 class RunningProportionsVote(RunningVote):
-    """Of band proportions and a linear network.
+    """The running vote of band proportions and a linear network.
 
     Attributes:
-        kept: Settled movement (axes, samples) that the fragments to come depend on.
+        kept: Final movement (axes, samples) that fragments still to come depend on.
         first: Number of its first sample.
-        sum: (axes, 1) of all samples of the settled movement.
+        sum: (axes, 1), sum of all samples of the final movement.
     """
 
     features: BandProportions
@@ -323,7 +323,7 @@ class RunningProportionsVote(RunningVote):
         return self._vote(self._embedding(self.features.describe(movement)))
 
     def _add_fragments(self, kept: Tensor) -> None:
-        """Add up all fragments but those in the end, and forget their samples."""
+        """Add all fragments but the last ones, and drop samples that no later one depends on."""
         length = self.first + kept.shape[1]
         mean = (self.sum / length).to(kept) if length else self.sum
         longest = self.features.lengths[self.features.longest]
@@ -378,10 +378,10 @@ class RunningProportionsVote(RunningVote):
 
 
 def running_vote(classifier: SurfaceClassifier) -> RunningVote | None:
-    """Return what continues the votes of a classifier; None where all of a signal has to be kept.
+    """Return the running vote of a classifier; None if the whole signal has to be kept.
 
-    That is so for several senses, whose fragments are drawn at random, for baselines, for features
-    that depend on the whole recording, and for those of a user.
+    That is the case for several senses, whose fragments are drawn at random, for baselines, for
+    features that depend on the whole recording, and for features of a user.
     """
     if classifier.card.baseline or len(classifier.senses) > 1:
         return None

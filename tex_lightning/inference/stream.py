@@ -279,5 +279,4 @@ class LiveStream:
         x = sense.dense_input(recording)
         frames = max(x.shape[-1], sense.window_size[1])
         x = x[..., torch.arange(frames, device=x.device) % x.shape[-1]]
-        grid = sense.dense_grid(x, self.classifier.embedding_layer(name))
-        return self.classifier.output_of(name, grid.flatten(1))
+        return self.classifier.output_of(name, self.classifier.embedding_of_input(name, x))

@@ -42,29 +42,28 @@ def set_statistics(
 ) -> dict[str, list[float | None]]:
     """Set the :attr:`~SurfaceClassifier.statistics` of every sense of a trained classifier.
 
-    Its :attr:`~SurfaceClassifier.trained_embeddings` are set, too, and the
+    Its :attr:`~SurfaceClassifier.trained_embeddings` are set as well, and the
     :attr:`~SurfaceClassifier.rows` of a network that keeps them.
 
     Args:
-        classifier: Trained, on the device that computes the features; left in evaluation mode.
-        rows: The training recordings, which are not perturbed.
-        store: Where they are decoded.
+        classifier: Trained classifier on the device that computes; left in evaluation mode.
+        rows: The training recordings.
+        store: Decoded files.
         engine: Settings of the accelerated copy that computes the features.
-        banks: By sense what was cut from the recordings: of signals the network inputs.
-        frozen: Whether nothing but layers in closed form was trained, so that texture features
-            are those of any other classifier.
-        closed_form: Whether no layer before the scores has learnt the recordings, not even of the
-            networks that a fusion starts from. Then those that are left out of the statistics in
-            turn are as new ones, and tell the reach, beyond which a sense counts for less in a
-            fusion, and the error, which bounds its say.
+        banks: By sense the bank of the training, whose network inputs are used again.
+        frozen: Whether no step was taken, so that the texture features of a trunk may be cached.
+        closed_form: Whether no layer before the scores was trained on the recordings, not even in
+            the networks that a fusion starts from. Recordings that are left out of the statistics
+            are then like new ones. They give ``reach`` and ``error`` of the statistics, by which a
+            fusion weights its senses.
 
     Returns:
-        By sense the novelties of its recordings that :func:`leave_out_each` gives: None of the only
-        recording of a class, and nothing where every class has but one. Nothing at all unless
-        ``closed_form``.
+        By sense the novelty of each recording when it is left out (:func:`leave_out_each`); None
+        for the only recording of a class. Lists are empty if no class has two recordings, and there
+        are none unless ``closed_form``.
 
     Raises:
-        UserError: If features are NaN, or their squares overflow, of weights that are finite.
+        UserError: If features are NaN, or so large that their squares overflow.
     """
     left_out: dict[str, list[float | None]] = {}
     classes = classifier.card.classes
@@ -99,9 +98,10 @@ def set_statistics(
 def statistics_with_reach(
     features: Tensor, labels: Tensor, classes: int, groups: Sequence[Hashable]
 ) -> tuple[FeatureStatistics, list[float | None]]:
-    """Return statistics with reach and error, and novelties, of recordings left out in turn.
+    """Return statistics with ``reach`` and ``error``, and novelties of left-out recordings.
 
-    Arguments are those of :func:`leave_out_each`; novelties are those of :func:`set_statistics`.
+    Arguments are those of :func:`leave_out_each`; novelties are as :func:`set_statistics` returns
+    them.
     """
     statistics = FeatureStatistics.of(features, labels, classes)
     measured = leave_out_each(features, labels, classes, groups)
@@ -114,7 +114,7 @@ def statistics_with_reach(
 def leave_out_each(
     features: Tensor, labels: Tensor, classes: int, groups: Sequence[Hashable]
 ) -> Tensor:
-    """Measure every training recording by statistics without its part of the groups.
+    """Measure every training recording by statistics from which its group was left out.
 
     Args:
         features: (recordings, D).
@@ -123,9 +123,8 @@ def leave_out_each(
         groups: Group of each recording.
 
     Returns:
-        Novelty, distance to the closest class, and 1 if that is another one, else 0: (recordings,
-        3). They are NaN of what is never left out: the only recording of a class, and all where
-        every class has but one.
+        (recordings, 3): novelty, distance to the closest class, and 1 if that is a wrong class,
+        else 0. A recording that is never left out, such as the only one of its class, has NaN.
     """
     parts = torch.tensor(leave_out(labels.tolist(), groups))
     measured = torch.full((len(parts), 3), torch.nan)
@@ -139,16 +138,16 @@ def leave_out_each(
 
 
 def _error_rate(errs: Tensor) -> Tensor:
-    """Return half of the rate of errors, which are 1, among 0 and NaN, by Laplace's rule.
+    """Return half of the error rate by Laplace's rule; ``errs`` are 1, 0, or NaN if not measured.
 
-    Half, since a recording that is mistaken tells less of its class than others, but not nothing.
+    Half of it, since a recording that is taken for another class still says something of its own.
     """
     count = (~errs.isnan()).sum()
     return (errs.nansum() + 1) / (count + 2) / 2
 
 
 def _known(novelties: Tensor) -> list[float | None]:
-    """Return plain numbers, None for NaN; nothing where all are NaN."""
+    """Return the novelties as a list with None for NaN; an empty list if all are NaN."""
     if bool(novelties.isnan().all()):
         return []
     return [None if math.isnan(novelty) else novelty for novelty in novelties.tolist()]
@@ -161,7 +160,7 @@ def _texture_features(
     rows: Sequence[Recording],
     store: Store,
 ) -> Tensor:
-    """Return features (recordings, D), on the CPU, of whole photos that the store may have."""
+    """Return texture features (recordings, D) of whole photos, on the CPU, cached in the store."""
     trunk = FrozenTrunk(fast, name)
     photos = track(rows, f"Statistics of {plural(rows[0].modality)}")
     raw = [trunk.kept(store.load(row), (0, 0), row, store) for row in photos]
@@ -185,16 +184,16 @@ def position_features(
         name: Name of the sense.
         rows: Recordings of its modality.
         store: Where they are decoded.
-        bank: Their network inputs, if it begins with them: they are not computed once more.
+        bank: Bank whose network inputs are used, if its recordings are the same; else None.
     """
-    sense, layer = classifier.senses[name], classifier.embedding_layer(name)
+    modality = classifier.senses[name].modality
     inputs = bank.inputs if isinstance(bank, InputBank) and bank.as_given else None
-    for number, row in enumerate(track(rows, f"Statistics of {plural(sense.modality)}")):
+    for number, row in enumerate(track(rows, f"Statistics of {plural(modality)}")):
         if inputs is None:
             yield classifier.embedding(name, load_recording(row, store)).cpu()
         else:
             x = inputs[number][None].to(classifier.device)
-            yield sense.dense_grid(x, layer).flatten(1).cpu()
+            yield classifier.embedding_of_input(name, x).cpu()
 
 
 @torch.inference_mode()
@@ -206,23 +205,23 @@ def calibrate(
     left_out: Mapping[str, Sequence[float | None]],
     loss: float | None,
 ) -> tuple[dict[str, Any], float | None]:
-    """Measure a trained classifier on the validation fold, for its card.
+    """Measure temperature and novelties of a trained classifier on the validation fold.
 
-    That is the temperature, and the novelties of known samples that ``decision.unknown`` is set
-    by. Where no layer before the scores was trained, those of training recordings that were left
-    out of the statistics in turn are known samples, too; trained features fit their training
-    recordings too well: of new ones a third would lie above their 95 % (docs/calibration.md).
+    The novelties of known samples set the threshold of ``decision.unknown``. If no layer before the
+    scores was trained, they include those of left-out training recordings. Trained features fit
+    their training recordings too well for that: of new recordings a third would be above the 95 %
+    quantile (docs/calibration.md).
 
     Args:
-        classifier: Trained, on the device that computes.
+        classifier: Trained classifier on the device that computes.
         parts: Recordings by part.
         store: Decoded files.
         engine: Settings of the accelerated copy that computes scores and novelties.
-        left_out: By sense the novelties of training recordings, or nothing.
-        loss: The loss of the best epoch; None of what took no step.
+        left_out: By sense the novelties of left-out training recordings; may be empty.
+        loss: The validation loss of the best epoch; None if no step was taken.
 
     Returns:
-        What the card has as ``calibration``, and the loss, which is None without validation.
+        ``calibration`` of the card, and the validation loss; None without a validation fold.
     """
     card, samples = classifier.card, make_samples(parts.val, classifier.card.modalities)
     fast, scores, validated = accelerate(classifier, engine), [], []
@@ -232,7 +231,7 @@ def calibrate(
         seed = 0 if fast.fusion is None else fast.seed(**recordings)
         scores.append(fast.fuse([output.partial_logits for output in outputs], seed))
         validated.append([float(cast(Tensor, output.novelty)) for output in outputs])
-    # fitted with the weights, to all training recordings: one of a few samples would be worse
+    # such scores are calibrated on all training recordings, which is better than on a few samples
     fitted = any(left_out.values()) and fits_probabilities(classifier)
     calibration, loss = _calibrated(card, samples, scores, loss, fitted=fitted)
     if classifier.statistics and (rows := [*_left_out(left_out, classifier, parts), *validated]):
@@ -259,7 +258,7 @@ def _calibrated(
     *,
     fitted: bool = False,
 ) -> tuple[dict[str, Any], float | None]:
-    """Return temperature, unless probabilities are fitted already, and loss, unless it is known."""
+    """Return the temperature unless scores are calibrated already, and the validation loss."""
     if not samples:
         return {}, loss
     temperature = card.temperature if fitted else sample_temperature(card, samples, scores)
@@ -271,7 +270,7 @@ def _calibrated(
 def _left_out(
     novelties: Mapping[str, Sequence[float | None]], classifier: SurfaceClassifier, parts: Split
 ) -> list[list[float]]:
-    """Return the novelties of samples of the training by all senses, as far as they are known."""
+    """Return the novelties by all senses of those training samples that have all of them."""
     if not all(novelties.get(name) for name in classifier.card.sense_names):
         return []
     modalities = {name: sense.modality for name, sense in classifier.senses.items()}

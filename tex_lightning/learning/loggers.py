@@ -56,7 +56,7 @@ class RunLogger(TensorBoardLogger):
 
     @rank_zero_only
     def log_graph(self, model: nn.Module, input_array: Tensor | None = None) -> None:
-        """Trace the network as it classifies; one that cannot be traced is told, and trained."""
+        """Log the graph of a network; if it cannot be traced, warn and go on."""
         if not self._log_graph or not isinstance(model, SurfaceModule):
             return
         modes = {part: part.training for part in model.modules()}
@@ -73,7 +73,7 @@ class RunLogger(TensorBoardLogger):
 
 
 class _Drawn(nn.Module):
-    """The parts of a module that a graph shows; tracing would look at all of its properties."""
+    """The parts of a module that its graph shows; tracing the module would read all properties."""
 
     def __init__(self, module: SurfaceModule) -> None:
         super().__init__()
@@ -136,10 +136,10 @@ def event_folder(directory: Path, name: str) -> str:
 
 
 def show_inputs(loggers: Sequence[Logger], module: SurfaceModule, batches: TrainingBatches) -> None:
-    """Add pictures of training recordings before and after augmentation, the same in both.
+    """Log pictures of the same training recordings before and after augmentation.
 
-    Before it is what a test would see of the recording: a signal whole, of a photo the piece that
-    is cut. After it is what a training batch has. Nothing random of the training is changed.
+    Before, a signal is whole and a photo is cropped. After, both are as in a training batch. The
+    random numbers of the training are not changed.
     """
     if not is_rank_zero() or not shows(loggers):
         return
@@ -187,9 +187,9 @@ def log_test(
     artifacts: Sequence[Artifact] = (),
     trial: Mapping[str, Setting] | None = None,
 ) -> None:
-    """Add the metrics of the test, what it has shown, and the hyper-parameters that led to it.
+    """Log the metrics and artifacts of a test, and the hyper-parameters of the network.
 
-    Of a network that was trained on everything, and not tested, only its training is known.
+    A network that was trained on all recordings has no test; its training is logged.
 
     Args:
         loggers: Loggers of the network.
@@ -197,8 +197,8 @@ def log_test(
         config: The whole configuration as plain values, or what of it was read.
         result: The network's entry of ``results.json``.
         artifacts: Figures, texts and the like.
-        trial: Settings by which TensorBoard compares this training with others; None of a fold,
-            which is a part of one, and of an evaluation, which trains nothing.
+        trial: Settings by which TensorBoard compares this training with others; None for a fold
+            of a cross-validation, and for an evaluation, which trains nothing.
     """
     metrics = logged_figures(result)
     if trial is not None:
@@ -213,7 +213,7 @@ def log_test(
 
 
 def trial_settings(directory: Path, model: str, data: str, network: str) -> dict[str, Setting]:
-    """Return what TensorBoard compares trainings by: what the user chose, swept keys above all.
+    """Return the settings by which TensorBoard compares trainings: those that the user chose.
 
     Args:
         directory: The run folder.
@@ -226,11 +226,7 @@ def trial_settings(directory: Path, model: str, data: str, network: str) -> dict
 
 
 def _compared(result: Mapping[str, Any]) -> dict[str, float]:
-    """Return by what trials are compared, under names that come first among TensorBoard's columns.
-
-    These are what a search minimises, where there is a validation fold, and the accuracy of the
-    test with its interval.
-    """
+    """Return validation loss, accuracy and interval under names that TensorBoard sorts first."""
     low, high = result.get("vote_ci95") or (None, None)  # of what was not tested
     columns = {
         "1 objective, val_loss": result.get("val_loss"),

@@ -34,10 +34,10 @@ APART = 1 << 50  # between the dropout of two processes, more than seeds and epo
 
 
 class SurfaceModule(LightningModule):
-    """Train a :class:`SurfaceClassifier` on pieces of recordings.
+    """Train a :class:`SurfaceClassifier` on pieces (crops) of recordings.
 
-    Every position of a piece is a fragment with the label of its recording. FusionNet learns on
-    tuples of fragments, one of each sense, all of one class.
+    Each position of a piece is a fragment with the label of its recording. FusionNet is trained on
+    tuples of fragments of the same class, one of each sense.
 
     Logged: ``train/loss`` (cross entropy per fragment, lower is better), the share of correct
     fragments as ``train/fragment_accuracy`` (higher is better), ``lr/backbone`` and ``lr/head``;
@@ -46,10 +46,10 @@ class SurfaceModule(LightningModule):
 
     Args:
         card: Card of the classifier to train.
-        fit: The training recipe as a dictionary of plain values.
+        fit: The training recipe, ``model.NAME.fit``, as plain values.
         seed: Seed of dropout; batches have their own.
-        pieces: By sense the length or side of the pieces. Those of FusionNet are as small as a
-            single fragment where the network says how small that is.
+        pieces: By sense the length or side of the pieces. FusionNet takes pieces of one fragment
+            instead, where the size of a fragment is known.
         engine: Settings of the accelerated copy for validation; None uses none.
     """
 
@@ -110,9 +110,9 @@ class SurfaceModule(LightningModule):
         return layer
 
     def train(self, mode: bool = True) -> Self:
-        """Keep the statistics of batch normalisation that FusionNet's networks learnt.
+        """Set the mode, but keep batch normalisation of FusionNet's networks in evaluation mode.
 
-        They were gathered on dense outputs of larger inputs, as in testing.
+        Its statistics were trained on larger inputs, such as those of a test.
         """
         super().train(mode)
         for module in self.classifier.modules() if self.kind == FUSION else ():
@@ -121,10 +121,10 @@ class SurfaceModule(LightningModule):
         return self
 
     def parameter_groups(self) -> tuple[list[nn.Parameter], list[nn.Parameter]]:
-        """Return parameters at the base learning rate, and at ``head_factor`` times it.
+        """Return the parameters at the base learning rate, and those at ``head_factor`` times it.
 
-        The former are those of the trunk, of a network without one all, or of all networks that a
-        fusion layer joins.
+        The former are those of the trunk, or all of a network without a trunk. In FusionNet they
+        are those of all networks, and the latter those of the fusion layer.
         """
         if self.kind == FUSION:
             senses = self.classifier.senses.values()
@@ -154,7 +154,7 @@ class SurfaceModule(LightningModule):
         return sense.score(x, "fc3").flatten(2)
 
     def example_inputs(self) -> list[Tensor]:
-        """Make an input (1, ...) of each sense, as large as a piece."""
+        """Make an example input (1, ...) of each sense, of the size of a piece."""
         inputs = []
         for name, sense in self.classifier.senses.items():
             size, x = self.pieces[name], sense.example()
@@ -169,13 +169,13 @@ class SurfaceModule(LightningModule):
         """Return class scores (batch, classes, tuples) of features (batch, D, positions)."""
         parts = [self.fusion.project(*part) for part in enumerate(features)]
         counts, tuples = [part.shape[-1] for part in parts], None
-        if max(counts) > 1:  # of a network that gives several positions for a piece
+        if max(counts) > 1:  # a network gives several positions for a piece
             positions = torch.arange(max(counts), device=parts[0].device)
             tuples = torch.stack([positions % count for count in counts], dim=1)
         return self.fusion.fuse(parts, tuples)
 
     def on_train_epoch_start(self) -> None:
-        """Make dropout a function of seed, epoch and process: a resumed run repeats it exactly."""
+        """Seed dropout by seed, epoch and process, so that a resumed run repeats it exactly."""
         torch.manual_seed(self.global_rank * APART + self.seed * 100_003 + self.current_epoch)
         self.train_accuracy.reset()
 
@@ -186,7 +186,7 @@ class SurfaceModule(LightningModule):
         loss = mean_loss(logits, labels, self.fit_config["label_smoothing"])
         every = self.trainer.log_every_n_steps  # type: ignore[attr-defined]  # set by a connector
         logged = (self.global_step + 1) % every == 0
-        if logged or (batch_idx + 1) % REFRESH == 0:  # the others would be seen by nobody
+        if logged or (batch_idx + 1) % REFRESH == 0:  # other steps show nothing
             share = self.train_accuracy(logits.detach().argmax(dim=1), labels)
             shown = {"train/loss": loss.detach(), "train/fragment_accuracy": share}
             self.log_dict(shown, prog_bar=True, batch_size=len(labels), sync_dist=True)
@@ -196,11 +196,11 @@ class SurfaceModule(LightningModule):
         return loss
 
     def on_validation_epoch_start(self) -> None:
-        """Make the copy that classifies as in testing."""
+        """Begin the validation with a copy of the classifier that computes as in testing."""
         self.validation.begin(self.classifier)
 
     def validation_step(self, batch: Batch, batch_idx: int) -> None:
-        """Classify a whole sample as in testing; what it is decided to be is asked for later."""
+        """Compute the scores of a whole sample as in testing; decide on many samples later."""
         label = batch["label"]
         scores = self.validation.add(batch["recordings"], label, batch_idx)
         label = label.to(scores.device)
@@ -225,13 +225,13 @@ class SurfaceModule(LightningModule):
         self.log("val/vote_accuracy", self.vote_accuracy, prog_bar=True)
 
     def configure_optimizers(self) -> Any:  # noqa: ANN401  (Lightning's union of unions)
-        """Make two named groups up front, for every scheduler and for resumption.
+        """Make an optimiser with the groups ``backbone`` and ``head``, and its schedule.
 
-        The scheduler steps after every batch. It gets the number of steps and the largest rates of
-        both groups where its class takes them.
+        The schedule steps after every batch. It gets the number of steps and the largest rate of
+        each group if its class takes them.
 
         Raises:
-            UserError: If one of the two cannot be made, or is none.
+            UserError: If the optimiser or the schedule cannot be made.
         """
         backbone, head = self.parameter_groups()
         if not backbone + head:
@@ -248,9 +248,9 @@ class SurfaceModule(LightningModule):
         }
 
     def _planned_steps(self) -> int:
-        """Return the number of the optimiser's steps, as far as flags of the trainer tell it.
+        """Return the number of optimiser steps that follows from the flags of the trainer.
 
-        It is Lightning's ``estimated_stepping_batches``, which would begin to iterate over the
+        Lightning's ``estimated_stepping_batches`` is the same, but begins to iterate over the
         batches before a resumed run knows its epoch.
         """
         epochs: int = self.fit_config["epochs"]
@@ -288,13 +288,13 @@ def mean_loss(logits: Tensor, labels: Tensor, label_smoothing: float) -> Tensor:
         labels: (batch, fragments) class indices.
         label_smoothing: Share of every label that is spread over all classes.
     """
-    if has_to_repeat(logits):  # of which PyTorch takes none but (samples, classes)
+    if has_to_repeat(logits):  # PyTorch's repeatable loss takes (samples, classes) only
         logits, labels = logits.movedim(1, 2).flatten(0, 1), labels.flatten()
     return nn.functional.cross_entropy(logits, labels, label_smoothing=label_smoothing)
 
 
 def accuracy(classes: int) -> MulticlassAccuracy:
-    """Make the share of correct predictions."""
+    """Make the metric: the share of correct predictions."""
     return MulticlassAccuracy(classes, average="micro", validate_args=False)
 
 
@@ -327,7 +327,7 @@ def make_optimizer(
         fused: Whether the optimiser makes one pass over the parameters, where its class can.
 
     Raises:
-        UserError: If one of the two cannot be made, or is none.
+        UserError: If one of the two cannot be made, or is of a wrong class.
     """
     rate = fit["learning_rate"]
     groups = [

@@ -35,17 +35,17 @@ ENDS_BYTES, ENDS_DIGITS = 65_536, 16
 
 
 def load_start(path: Path, card: Card, test: Recordings, data: DataConfig) -> SurfaceClassifier:
-    """Read a unimodal checkpoint, if FusionNet may start from it.
+    """Load a checkpoint of one sense, for FusionNet to start from.
 
     Args:
         path: The checkpoint.
-        card: Card of such a network as this run would train it.
+        card: Card of this sense's network as this run would train it.
         test: The test recordings.
         data: Division into folds or by condition.
 
     Raises:
-        UserError: If it is no such network, classes differ, or it has seen the fold that this run
-            tests.
+        UserError: If it holds another kind of network or other classes, or was trained on test
+            recordings.
     """
     start = SurfaceClassifier.from_checkpoint(path, card.kind)
     theirs = start.card
@@ -66,18 +66,18 @@ def complete_recipe(
     starts: Mapping[str, SurfaceClassifier],
     known: Mapping[str, Any],
 ) -> Card:
-    """Add to the card of a network to train what its data say, and what it starts from.
+    """Add to the card of a network the ranges and digests of its recordings, and its first weights.
 
     Args:
-        config: Names the weights that a trunk starts from, and the fold.
+        config: The weights of trunks, and the fold.
         card: Card of the network as it is configured.
         parts: Recordings by part.
         store: Decoded files.
-        starts: By sense the networks that FusionNet starts from: its senses are theirs.
-        known: What is known of the training beforehand.
+        starts: By sense the networks that FusionNet starts from; it takes their settings.
+        known: Entries of ``training`` that are known beforehand.
 
     Raises:
-        UserError: If its trunk cannot be used or has seen what is to be tested.
+        UserError: If the first weights cannot be used, or were trained on test recordings.
     """
     begun = [start.card for start in starts.values()]
     ranges = {name: seen for start in begun for name, seen in start.input_ranges.items()}
@@ -95,13 +95,13 @@ def complete_recipe(
 
 
 def starting_classifier(source: str, kind: str) -> SurfaceClassifier | None:
-    """Return the classifier in a checkpoint, from whose trunk a network of that kind can start.
+    """Load the checkpoint whose trunk a network of this kind starts from.
 
     Returns:
-        None where ``source`` is no checkpoint of this package but a file with ImageNet's weights.
+        The classifier; None if ``source`` names ImageNet weights and no checkpoint of this package.
 
     Raises:
-        UserError: If it is a checkpoint and cannot be used.
+        UserError: If the checkpoint cannot be used.
     """
     path = Path(source)
     return SurfaceClassifier.from_checkpoint(path, kind) if path.suffix == SUFFIX else None
@@ -110,14 +110,14 @@ def starting_classifier(source: str, kind: str) -> SurfaceClassifier | None:
 def trained_on(
     card: Card, parts: Split, data: DataConfig, begun: Sequence[Card], source: str | None
 ) -> dict[str, Any]:
-    """Return digests of the recordings that a network is trained on, and the fold that is left out.
+    """Return ``trained_on`` of a card: digests of the recordings, and the fold that is left out.
 
     Args:
         card: Card of the network to train.
         parts: Recordings by part.
         data: Division into folds.
-        begun: Cards of the networks that it starts from; it has seen what they have.
-        source: Where its trunk starts; None is at random, or as in ``begun``.
+        begun: Cards of the networks that it starts from, whose recordings count as its own.
+        source: Source of the trunk's first weights; None is random, or the trunk of ``begun``.
     """
     inverted = data.inverted and data.test_fold is not None
     used = (row for part in (parts.train, parts.val) for row in part)
@@ -138,7 +138,7 @@ def trained_on(
 
 
 def digests(rows: Iterable[Recording]) -> list[str]:
-    """Return digest of each recording: that of its file's content, and its part of the file."""
+    """Return the digest of each recording's file, followed by its part of the file, if any."""
     identities = ((fingerprint(row.path), row.part) for row in rows)
     return [
         digest if part is None else f"{digest}#{write_part(part)}" for digest, part in identities
@@ -146,7 +146,7 @@ def digests(rows: Iterable[Recording]) -> list[str]:
 
 
 def _ends(path: Path) -> str:
-    """Return the digest of size and ends that earlier checkpoints keep instead."""
+    """Return the digest that checkpoints of an earlier version keep: of size, begin and end."""
     digest = hashlib.sha256()
     for file in axis_files(path):
         size = file.stat().st_size
@@ -161,8 +161,8 @@ def _ends(path: Path) -> str:
 def refuse_leak(test: Recordings, card: Card, who: str, data: Folding) -> None:
     """Reject weights that were trained, or chosen, on test recordings.
 
-    Recordings are compared by content, so that neither another reader nor other folds hide one; two
-    parts of one file are the same as far as they overlap.
+    Recordings are compared by the content of their files, whatever reader or folds they come from.
+    Two parts of one file count as the same recording if they overlap.
 
     Args:
         test: Test recordings.
@@ -207,13 +207,13 @@ def seen_of(rows: Iterable[Recording], card: Card) -> list[Recording]:
 
 
 def trained_on_all(card: Card) -> bool:
-    """Return whether nothing was left out of a training, to be tested on."""
+    """Return whether a training left no recordings out for a test."""
     told = card.trained_on
     return bool(told) and told.get("test_fold") is None and not told.get(WHERE)
 
 
 def as_trained(data: DataConfig, card: Card) -> DataConfig:
-    """Return where recordings come from, divided as in the training of a checkpoint."""
+    """Return the settings of the data with the division that a checkpoint was trained with."""
     keys = (*FOLD_KEYS, WHERE, PER_CLASS)
     told = {key: card.trained_on[key] for key in keys if key in card.trained_on}
     reader = data.reader
@@ -223,11 +223,11 @@ def as_trained(data: DataConfig, card: Card) -> DataConfig:
 
 
 def is_training_data(rows: Recordings, division: Folding, card: Card) -> bool:
-    """Return whether a data set is the one of a training: most of what it would see was seen.
+    """Return whether a data set is that of a training: most of its training part was trained on.
 
     Args:
         rows: The data set.
-        division: As the training divided its own (:func:`as_trained`).
+        division: Division of the training (:func:`as_trained`).
         card: Card of the checkpoint.
     """
     parts = split(rows, division, trains=True)

@@ -47,19 +47,18 @@ Floats = npt.NDArray[np.float64]
 
 
 def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
-    """Load weights into the trunk of HapticNet or VisualNet; its head stays as it is.
+    """Load weights into the trunk of a network; its head keeps its weights.
 
     Args:
-        classifier: Classifier of a haptic or visual network.
-        source: A checkpoint (.ckpt) of the same kind, of which the trunk is taken and nothing
-            else; for VisualNet also what
-            :func:`~tex_lightning.networks.weights.load_trunk_weights` takes.
+        classifier: Classifier of one sense.
+        source: A checkpoint (.ckpt) of the same kind of network; for VisualNet also a source of
+            :func:`~tex_lightning.networks.weights.load_trunk_weights`.
 
     Returns:
-        One line saying what was loaded.
+        A sentence that says what was loaded.
 
     Raises:
-        UserError: If the source cannot be used, or its trunk is another.
+        UserError: If the source cannot be used, or its trunk has another shape.
     """
     sense, network = classifier.card.kind, classifier.network
     trunk: Any = getattr(network, "trunk", None)
@@ -86,13 +85,13 @@ def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
 def start_fusion(
     module: SurfaceModule, starts: Mapping[str, SurfaceClassifier], head_start: str
 ) -> None:
-    """Copy the weights of unimodal networks, and what their features have learnt.
+    """Copy networks and fitted features of trained senses into FusionNet.
 
     Args:
         module: Module of the fusion.
         starts: By sense the classifier whose weights are copied.
-        head_start: ``scores`` begins with the sum of all networks' class scores, ``random`` with
-            small random weights.
+        head_start: First weights of the fusion layer: with ``scores`` it gives the sum of the
+            class scores of all networks, with ``random`` its weights are small and random.
     """
     for name, start in starts.items():
         sense, source = module.classifier.senses[name], start.cpu().senses[name]
@@ -113,19 +112,19 @@ def start_network(
     device: torch.device,
     engine: EngineConfig,
 ) -> None:
-    """Load the trunk's weights, and fit the layers that have a closed form.
+    """Load the weights of the trunk, and fit the layers that have a closed form.
 
-    That is VisualNet's head on pretrained features, and a network of signals that has a method
-    ``fit(inputs, labels)``, which may take ``groups`` and ``recordings``, too, as
-    :class:`~tex_lightning.networks.linear.LinearNet`.
+    Such a layer is the head of a VisualNet without hidden layers. So is a whole network of signals
+    that has a method ``fit``, as :class:`~tex_lightning.networks.linear.LinearNet`. Networks that
+    neither applies to are left to the training steps.
 
     Args:
         module: Module of the network, on the CPU, where it is left.
-        batches: Training batches that a head is fitted to.
+        batches: Training batches, whose banks hold the recordings.
         groups: Group of each training recording of the first sense.
         weights: Source of the trunk's weights, see :func:`start_trunk`; None is random.
-        device: Computes the features.
-        engine: Settings of the accelerated copy that computes features.
+        device: Device that computes the features.
+        engine: Settings of the accelerated copy that computes the features.
 
     Raises:
         UserError: If the weights cannot be used.
@@ -149,7 +148,7 @@ def start_network(
 
 
 def _tell_single_groups(labels: Indices, groups: Sequence[str], classes: Sequence[str]) -> None:
-    """Say which classes have several recordings of one group, which cannot be left out whole."""
+    """Log which classes have all recordings in one group, so that no group can be left out."""
     known = {*zip(labels.tolist(), groups, strict=True)}
     counts, grouped = Counter(labels.tolist()), Counter(label for label, _ in known)
     single = [classes[label] for label in counts if counts[label] > grouped[label] == 1]
@@ -161,7 +160,7 @@ def _tell_single_groups(labels: Indices, groups: Sequence[str], classes: Sequenc
 
 
 def fits_probabilities(classifier: SurfaceClassifier) -> bool:
-    """Return whether what was fitted at once gives probabilities, by groups that it left out."""
+    """Return whether a fit in closed form has calibrated its scores, on groups that it left out."""
     if classifier.fusion is not None:
         return False
     network = classifier.network
@@ -169,7 +168,7 @@ def fits_probabilities(classifier: SurfaceClassifier) -> bool:
 
 
 def scores_textures(network: nn.Module) -> bool:
-    """Return whether FC3 scores the texture features of a trunk as they are."""
+    """Return whether FC3 takes the texture features of a trunk, without FC1 and FC2 between."""
     return isinstance(network, VisualNet) and not network.has_hidden_layers
 
 
@@ -180,23 +179,22 @@ def fit_linear_head(
     groups: Sequence[str],
     engine: EngineConfig,
 ) -> None:
-    """Set FC3 of ``module``'s VisualNet, which has neither FC1 nor FC2.
+    """Fit FC3 of a VisualNet without FC1 and FC2: multinomial logistic regression.
 
-    It is a multinomial logistic regression on the mean features of whole photos. The score of a
-    mean is the mean of the scores, so that the photo's mean score over all its fragments is fitted,
-    of which any one may show little of the material. With a few hundred photos this beats hidden
-    layers trained on single fragments, and takes seconds.
+    It is fitted to the mean features of whole photos. Since FC3 is linear, the score of a mean is
+    the mean score of the photo's fragments, any of which may show little of the material. With a
+    few hundred photos this is more accurate than hidden layers trained on single fragments, and
+    takes seconds.
 
-    The penalty keeps the scores of few photos small: of little confidence even where they are
-    correct, and of little weight beside another sense. So they are scaled until the confidence in
-    groups of photos that are left out of the fit, one part after the other, matches the accuracy.
+    With few photos the penalty makes the scores too small, and so too unconfident. They are scaled
+    until the confidence in left-out groups of photos equals the accuracy there.
 
     Args:
-        module: With pretrained weights in the trunk, on the device that computes the features.
-        photos: Photos of the training set, perturbed if that has an augmentation.
-        labels: Class index of each; every class occurs.
+        module: Module of the VisualNet with a pretrained trunk, on the device that computes.
+        photos: Photos of the training set, with an augmentation if they are to be perturbed.
+        labels: Class index of each photo; every class occurs.
         groups: Group of each photo.
-        engine: Settings of the accelerated copy that computes features.
+        engine: Settings of the accelerated copy that computes the features.
     """
     recipe = module.fit_config["probe"]
     module.network.trunk.eval()
@@ -223,16 +221,16 @@ def _sharpness(
     targets: Labels,
     parts: Labels,
 ) -> float:
-    """Return the scale under which scores of left-out photos are as confident as accurate.
+    """Return the factor that makes the scores of left-out photos as confident as accurate.
 
     Args:
-        fit: Gives weights and biases.
-        rows: Features of views of the photos.
+        fit: Function that fits weights and biases to rows and targets.
+        rows: Features (views, D) of views of the photos.
         targets: Class index of each view.
-        parts: The part in which each view is left out, -1 for none.
+        parts: Number of the part with which each view is left out; -1 leaves it in always.
 
     Returns:
-        1 where every class has but one photo.
+        The factor; 1 if no photo can be left out, since every class has only one.
     """
     tested = parts >= 0
     if not tested.any():
@@ -259,13 +257,13 @@ def _regression(rows: Floats, targets: Labels, strength: float) -> tuple[Floats,
 
 
 class FrozenTrunk:
-    """Mean texture features of photos, of which no training changes the trunk.
+    """Mean texture features of photos by a trunk that no training changes.
 
-    They are kept in the store, where the next fold, run or classifier on the same photos finds
-    them.
+    The store caches them for the next fold, run or classifier with this trunk.
 
     Args:
-        fast: Accelerated copy of a classifier, whose trunk no longer standardises its features.
+        fast: Accelerated copy of a classifier. The standardisation of its trunk's features is
+            switched off, since it depends on the training set.
         name: Name of the sense with the trunk.
     """
 
@@ -273,7 +271,7 @@ class FrozenTrunk:
         self.sense = fast.senses[name]
         trunk: Any = self.sense.network.trunk
         last: TextureFeatures = trunk.layers[-1]
-        last.mean.zero_()  # as they come, before they are standardised
+        last.mean.zero_()
         last.scale.fill_(1)
         digest = hashlib.sha256(json.dumps(fast.card.senses[name], sort_keys=True).encode())
         digest.update(fast.device.type.encode())
@@ -314,7 +312,7 @@ def _view_features(
 def _view(
     photos: PhotoBank, index: int, part: int, module: SurfaceModule
 ) -> tuple[tuple[int, int], Pixels]:
-    """Return where a view of a photo begins, and the view: of a large photo a random piece."""
+    """Return a view of a photo, and its top left corner; of a large photo it is a random crop."""
     photo, side = photos.photo(index), module.fit_config["probe"]["side"]
     rng = np.random.default_rng([content_seed(module.seed, photo), part])
     top, left = random_corner(photo, side, rng)

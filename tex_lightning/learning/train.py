@@ -1,8 +1,9 @@
 """Run a training, from its recipe to its checkpoint.
 
-:func:`train_networks` trains what a model consists of, each network by a :class:`Training`: its
-module and batches are made, Lightning takes the steps, and hooks do what comes before and after:
-weights at the start, layers with a closed form, and what the checkpoint keeps beside the weights.
+:func:`train_networks` trains the networks of a model, each by a :class:`Training`. It makes the
+module and the batches, and Lightning takes the steps. A callback before them gives the first
+weights and fits layers in closed form. One after them measures what the checkpoint keeps beside the
+weights.
 """
 
 import hashlib
@@ -67,22 +68,21 @@ def train_networks(
     shared_in: Path | None = None,
     known: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
 ) -> Iterator[tuple["Training", SurfaceClassifier]]:
-    """Train the networks that a model consists of, one after the other.
+    """Train the networks of a model, one after the other.
 
-    Nothing is read from the run folder but checkpoints of an earlier run, and nothing of the test
-    part but what a given checkpoint must not have seen.
+    The test part is used only to reject given checkpoints that were trained on it.
 
     Args:
-        config: The model, its recipes and what it starts from.
+        config: The model, its recipes, and the weights and checkpoints that it starts from.
         classes: Class names in the order of the outputs.
         parts: Recordings by part; validation and test may be empty.
         store: Decoded files.
-        directory: The run folder, of checkpoints and of what loggers write.
-        shared_in: Folder in which systems of a family find networks that they have in common.
-        known: By network what is known of its training beforehand, for its card.
+        directory: The run folder; finished checkpoints in it are loaded and not trained again.
+        shared_in: Folder with networks that several systems of a family have in common.
+        known: By network the entries of its card's ``training`` that are known beforehand.
 
     Yields:
-        Each training with its classifier, the whole model last.
+        Each training with its classifier, that of the whole model last.
 
     Raises:
         UserError: If a recording is too short, or weights or checkpoints do not fit.
@@ -109,18 +109,18 @@ class Training:
     """The training of one network, or the fit of a baseline.
 
     Attributes:
-        config: The configuration: recipes, starts, flags of the trainer, callbacks, engine, seed.
-        card: The recipe: the card of the classifier to train, with what its recordings say. The
-            result is the card of :meth:`run`'s classifier.
+        config: The configuration.
+        card: Card of the classifier to train (:func:`~.provenance.complete_recipe`). The classifier
+            that :meth:`run` returns has the same card with calibration and training added.
         parts: Recordings by part.
         store: Decoded files.
         directory: The run folder.
-        starts: By sense the networks that FusionNet starts from; empty for the others.
+        starts: By sense the trained networks that FusionNet starts from; empty for one sense.
         loggers: Loggers of this network.
         watchers: Callbacks beside the configured ones.
-        batches: What is cut from the recordings, once they are read.
-        timer: The clock of the steps.
-        seconds: Time spent so far before and after them, without reading and calibration.
+        batches: The training batches, made by :meth:`run`.
+        timer: Clock of the training steps.
+        seconds: Time spent before and after the steps, without decoding and calibration.
     """
 
     config: Config
@@ -149,7 +149,7 @@ class Training:
         return self._fit_baseline() if self.card.baseline else self._train()
 
     def _train(self) -> SurfaceClassifier:
-        """Let Lightning train the network, between :meth:`_start` and :meth:`_finish`."""
+        """Train the network by Lightning, with :meth:`_start` and :meth:`_finish` as callbacks."""
         config = self.config
         torch.manual_seed(config.seed)
         with self._timed():
@@ -175,9 +175,9 @@ class Training:
         return module.classifier
 
     def _make_batches(self, module: SurfaceModule) -> TrainingBatches:
-        """Make the batches that are cut from the recordings of every sense.
+        """Make the bank of each sense, and the training batches that are cut from the banks.
 
-        A FusionNet gets the weights of its networks before, whose features have learnt already.
+        A FusionNet gets the weights of its senses first, since their features are fitted already.
         """
         if self.starts:
             start_fusion(module, self.starts, self.config.model.fusion.head_start)
@@ -192,14 +192,14 @@ class Training:
         return TrainingBatches(banks, fit["batch_size"], module.seed)
 
     def _start(self, trainer: Trainer, module: LightningModule, stage: str) -> None:
-        """Give the network its first weights; one that is resumed has those of its checkpoint."""
+        """Give the network its first weights; a resumed training does not call this."""
         module, batches, engine = cast(SurfaceModule, module), self.batches, self.config.engine
         with self._timed():
             start_network(module, batches, self.groups, self.weights, self.device, engine)
             show_inputs(self.loggers, module, batches)
 
     def _finish(self, trainer: Trainer, module: LightningModule) -> None:
-        """Take the best weights, and complete the card and what the checkpoint has beside them."""
+        """Take the weights of the best epoch, set statistics and calibration, complete the card."""
         module = cast(SurfaceModule, module)
         loss = take_best(module, trainer.checkpoint_callback)
         if not trainer.is_global_zero:
@@ -223,7 +223,7 @@ class Training:
         module.hparams["card"] = classifier.card.to_dict()
 
     def _fit_baseline(self) -> SurfaceClassifier:
-        """Fit a baseline to all training recordings at once."""
+        """Fit a baseline, calibrate it and write its checkpoint."""
         rows, weights = self._rows, self.card.baseline["weights"]
         classifier = BaselineClassifier(self.card)
         if weights is not None:
@@ -240,15 +240,15 @@ class Training:
     def _complete(
         self, classifier: SurfaceClassifier, calibration: dict[str, Any], training: dict[str, Any]
     ) -> None:
-        """Write the card of the result: the recipe, and what is known once the weights are."""
+        """Give the classifier its final card: that of the recipe, with calibration and training."""
         training = {**self.card.training, **training}
         classifier.card = replace(self.card, calibration=calibration, training=training)
 
     def run_shared(self, folder: Path) -> SurfaceClassifier:
-        """Do the same in a folder of networks that systems of a family share, and copy the result.
+        """Train in a folder that the systems of a family share, and copy the checkpoint from there.
 
-        So one run trains each. Weights depend on the seed, the card (with the recordings they see),
-        the recipe and the start, so these name the folder; those of a FusionNet on its parts, too.
+        So a network that several systems have in common is trained once. The name of its folder is
+        a digest of all that its weights depend on: card, recipe, seed and first weights.
         """
         config, kind = self.config, self.card.kind
         if self.card.baseline:
@@ -271,12 +271,12 @@ class Training:
 
     @property
     def final(self) -> Path:
-        """The checkpoint that it ends with."""
+        """The checkpoint that the training writes."""
         return checkpoint_of(self.directory, self.card.kind)
 
     @property
     def working(self) -> Path:
-        """Folder of the checkpoints of its epochs, which goes once it has ended."""
+        """Folder of the checkpoints of its epochs; it is removed at the end."""
         return self.final.with_suffix("")
 
     @property

@@ -150,24 +150,24 @@ def make_trainer(
     *,
     validated: bool,
 ) -> Trainer:
-    """Make the trainer, with the keepers of the last and, where it validates, of the best weights.
+    """Make the trainer, with callbacks that keep the checkpoints of the last and the best epoch.
 
-    The latter, or else the former, is its first ``checkpoint_callback``.
+    The best epoch is kept only with a validation; its callback is then the trainer's first
+    ``checkpoint_callback``.
 
     Args:
-        settings: Flags of Lightning's Trainer, which count before those of this package.
+        settings: Flags of Lightning's Trainer, which override those of this package.
         callbacks: Further callbacks.
         loggers: Loggers of the network.
         fit: The training recipe of the network.
-        working: Folder of the checkpoints of its epochs, in that of the run's checkpoints, with
-            the network's name.
+        working: Folder of the checkpoints of its epochs, ``RUN/checkpoints/NETWORK``.
         validated: Whether there are samples to validate on.
 
     Raises:
         UserError: If a flag cannot be used.
     """
-    # not Lightning's save_last, which leaves out the epochs that are not the best; the last file
-    # holds the state of the keeper of the best, which therefore comes first
+    # not Lightning's save_last, which skips epochs that are not the best; the callback of the best
+    # epoch comes first, since the last checkpoint contains its state
     best = [_keep(working, BEST, "val/loss")] if validated else []
     keepers = [*best, _keep(working, LAST, None)]
     flags = {
@@ -223,7 +223,7 @@ def build_callbacks(nodes: Mapping[str, Any], flags: Mapping[str, Any]) -> list[
 
 
 def _keep(working: Path, name: str, monitor: str | None) -> ModelCheckpoint:
-    """Keep the epoch with the least ``monitor``, or the last one."""
+    """Make the callback that keeps the epoch with the smallest ``monitor``, or the last epoch."""
     return ModelCheckpoint(
         dirpath=working,
         filename=name,
@@ -235,7 +235,7 @@ def _keep(working: Path, name: str, monitor: str | None) -> ModelCheckpoint:
 
 
 def find_resumable(working: Path) -> Path | None:
-    """Return the checkpoint of the last finished epoch, to go on from; None if there is none.
+    """Return the checkpoint of the last finished epoch, to resume from; None if there is none.
 
     Raises:
         UserError: If it is damaged.
@@ -255,7 +255,7 @@ def find_resumable(working: Path) -> Path | None:
 def fit_network(
     trainer: Trainer, module: SurfaceModule, data: SurfaceData, resumed: Path | None
 ) -> None:
-    """Take the steps, from the start or from a checkpoint on.
+    """Take the training steps, from the start or from a checkpoint.
 
     Raises:
         UserError: If batches are too small for batch normalisation.
@@ -287,11 +287,14 @@ def fit_network(
 
 
 def take_best(module: SurfaceModule, keeper: Checkpoint | None) -> float | None:
-    """Load the weights of the best validation loss, where it was computed, and return it.
+    """Load the weights of the epoch with the best validation loss, and return that loss.
 
     Args:
-        module: Trained, on the CPU.
+        module: Trained module, on the CPU.
         keeper: The trainer's first ``checkpoint_callback``.
+
+    Returns:
+        The loss; None, with the weights unchanged, if nothing was validated.
 
     Raises:
         UserError: If the weights are NaN or infinite.

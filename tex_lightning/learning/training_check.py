@@ -29,7 +29,7 @@ from tex_lightning.senses.base import Sense
 
 
 def check_training(config: Config, card: Card, directory: Path) -> list[Sense]:
-    """Make all parts of the training of a model once, so that errors show before it starts.
+    """Make all parts of a training once, so that errors are raised before it starts.
 
     Args:
         config: Configuration of the training.
@@ -37,7 +37,7 @@ def check_training(config: Config, card: Card, directory: Path) -> list[Sense]:
         directory: The run folder.
 
     Returns:
-        The senses of the model, with weights of no meaning.
+        The senses of the model, with random weights.
 
     Raises:
         UserError: Naming the key that does not fit.
@@ -60,7 +60,7 @@ def check_training(config: Config, card: Card, directory: Path) -> list[Sense]:
 
 
 def _try_sense(config: Config, card: Card, source: str | None) -> Sense:
-    """Make one sense as it will be trained, or load it from the checkpoint that is given."""
+    """Make one sense as it will be trained, or load it from its given checkpoint."""
     name, model = card.kind, config.model
     if name in model.checkpoints:
         return SurfaceClassifier.from_checkpoint(model.checkpoints[name], name).senses[name]
@@ -81,7 +81,7 @@ def _try_sense(config: Config, card: Card, source: str | None) -> Sense:
 def check_custom_parts(
     config: Config, card: Card, senses: Sequence[Sense], recordings: Recordings, store: Store
 ) -> None:
-    """Train the senses with custom parts on two recordings, as in the run.
+    """Check the contracts of senses that have parts of a user's.
 
     Args:
         config: Configuration of the training.
@@ -102,7 +102,7 @@ def check_custom_parts(
 
 
 def check_sense(module: SurfaceModule, recordings: Recordings, store: Store) -> None:
-    """Train one sense with custom parts on two recordings, save and load it.
+    """Check one sense: train it on two recordings, save it and load it again.
 
     Args:
         module: Module that trains it, for the classes of the data.
@@ -118,7 +118,7 @@ def check_sense(module: SurfaceModule, recordings: Recordings, store: Store) -> 
 
 
 def check_fitted_baseline(classifier: BaselineClassifier, recordings: Sequence[Tensor]) -> None:
-    """Check what a user's fitted baseline gives, and that its state is all that it has learnt.
+    """Check the outputs of a user's fitted baseline, and that its state restores them.
 
     Args:
         classifier: Classifier with the fitted baseline.
@@ -133,5 +133,5 @@ def check_fitted_baseline(classifier: BaselineClassifier, recordings: Sequence[T
 
 
 def _rebuilt(classifier: SurfaceClassifier) -> SurfaceClassifier:
-    """Return the classifier as its card builds it anew."""
+    """Return a new classifier, built from the card of another."""
     return type(classifier)(Card.from_dict(classifier.card.to_dict()))

@@ -14,10 +14,10 @@ MAX_INPUTS = 1 << 28  # bytes of the network inputs that are kept
 
 
 class Validation:
-    """Scores and decisions of the validation samples, in the same order every epoch.
+    """Class scores of the validation samples, and decisions on many samples at a time.
 
-    Votes are counted on the CPU, which has to wait for scores that lie elsewhere; so the scores of
-    many samples are copied at once.
+    Votes are counted on the CPU. Scores are copied there for many samples together, since each copy
+    from another device makes the CPU wait.
 
     Args:
         engine: Settings of the accelerated copy that computes the scores; None uses none.
@@ -46,8 +46,8 @@ class Validation:
         partials = []
         for name, sense in self.fast.senses.items():
             x = self._input(name, recordings[sense.modality], number)
-            grid = sense.dense_grid(x, self.fast.embedding_layer(name))
-            partials.append(self.fast.output_of(name, grid.flatten(1)).partial_logits)
+            embedding = self.fast.embedding_of_input(name, x)
+            partials.append(self.fast.output_of(name, embedding).partial_logits)
         seed = 0 if self.fast.fusion is None else self.fast.seed(**recordings)
         scores = self.fast.fuse(partials, seed)
         self.scores.append(scores.detach())
@@ -56,10 +56,10 @@ class Validation:
         return scores
 
     def _input(self, name: str, recording: Tensor, number: int) -> Tensor:
-        """Return the network input of a recording; that of a signal is computed once.
+        """Return the network input of a recording; that of a signal is computed once and kept.
 
-        This package trains nothing in features, and its networks leave their input as it is. That
-        of a photo would take four times the memory of the photo.
+        Training changes no features of this package, and its networks do not write to their input.
+        The input of a photo is not kept, since it takes four times the memory of the photo.
         """
         if (name, number) in self.inputs:
             return self.inputs[name, number]
@@ -72,14 +72,14 @@ class Validation:
 
     @property
     def is_full(self) -> bool:
-        """Whether so many scores wait that they are to be decided before the epoch ends."""
+        """Whether the scores that wait for a decision have reached their limit of memory."""
         return self.waiting >= MAX_UNDECIDED
 
     def decide(self) -> tuple[Tensor, Tensor]:
-        """Decide on the samples whose scores wait, by one copy of them to the CPU.
+        """Decide on all samples whose scores wait.
 
         Returns:
-            Decided above true classes, of fragments (2, fragments) and of samples (2, samples), on
+            Predicted and true classes of fragments (2, fragments) and of samples (2, samples), on
             the device of the scores.
         """
         device, shapes = self.scores[0].device, [scores.shape for scores in self.scores]
@@ -95,14 +95,14 @@ class Validation:
         return torch.cat(fragments, dim=1).to(device), torch.stack(samples, dim=1).to(device)
 
     def end(self) -> None:
-        """Let go of the accelerated copy."""
+        """Delete the accelerated copy."""
         del self.fast
 
 
 def _finite(scores: Tensor, label: Tensor) -> Tensor:
-    """Return scores (classes, fragments) that are finite, else those of an error in one fragment.
+    """Return the scores (classes, fragments); if they are not finite, scores of a wrong label.
 
-    Weights that diverge do not end the training.
+    So weights that diverge count as errors and do not end the training.
     """
     if bool(scores.isfinite().all()):
         return scores

@@ -33,9 +33,9 @@ Change = Callable[[Tensor], Tensor]
 
 
 class Sense(nn.Module, ABC):
-    """One sense: how its files are decoded, its features, its network.
+    """The decoder, the features and the network of one modality.
 
-    Called with a decoded recording, it gives the network's input.
+    Calling it maps a decoded recording to the network's input.
 
     Args:
         name: Name of the sense.
@@ -47,11 +47,11 @@ class Sense(nn.Module, ABC):
             that also has a ``score_layer``, its last layer, can be fused on FC2.
 
     Attributes:
-        tile: Most elements of an input that go through the network at once, or twice its receptive
-            field each way if that is more; None never divides. Inputs are divided where the
-            geometry of the network is known.
+        tile: Largest number of elements of an input that is computed in one pass; larger inputs
+            are divided into tiles, if the geometry of the network is known. A tile is at least
+            twice the receptive field each way. None never divides.
         medium: Kind of its recordings: ``signal`` or ``photo``.
-        dimensions: Fewest dimensions of the network's input.
+        dimensions: Smallest number of dimensions of the network's input.
     """
 
     medium: ClassVar[str]
@@ -76,21 +76,21 @@ class Sense(nn.Module, ABC):
 
     @property
     def title(self) -> str:
-        """Name of the network in messages; a linear one is called after the features it weighs."""
+        """Name of the network in messages; for a linear network that of its features."""
         name = type(self.network).__name__
         return getattr(self.features, "title", name) if type(self.network) is LinearNet else name
 
     @property
     @abstractmethod
     def tells_input_size(self) -> bool:
-        """Whether the size of an input is known before the features are computed."""
+        """Whether the size of the network's input can be known without computing the features."""
 
     @abstractmethod
     def check_input(self, height: int, width: int) -> None:
-        """Reject a network input that is too small for one fragment, where that is known.
+        """Reject a network input that is too small for one fragment, if the smallest is known.
 
         Raises:
-            UserError: Saying what it takes.
+            UserError: Saying which size is needed.
         """
 
     @abstractmethod
@@ -103,7 +103,7 @@ class Sense(nn.Module, ABC):
 
     @abstractmethod
     def example(self) -> Tensor:
-        """Make an input of the network, of any content and size."""
+        """Make a valid input of the network."""
 
     @abstractmethod
     def bank(
@@ -124,8 +124,8 @@ class Sense(nn.Module, ABC):
             fit: The recipe.
             size: Length or side of a piece.
             seed: Seed of everything random.
-            learn: Whether the features learn from the recordings what they have to, such as their
-                normalisation; else they have.
+            learn: Whether the features are fitted to the recordings, such as their normalisation;
+                False if they are fitted already.
         """
 
     @abstractmethod
@@ -137,8 +137,8 @@ class Sense(nn.Module, ABC):
         Args:
             pieces: Pieces that the bank has cut.
             size: Length or side of a piece.
-            change: What photos (batch, 3, side, side) in [0, 1] become before they are normalised;
-                None leaves them, and of signals there is none.
+            change: Augmentation of photos (batch, 3, side, side) in [0, 1], applied before they
+                are normalised; None for none. Signals have none.
         """
 
     @abstractmethod
@@ -148,12 +148,13 @@ class Sense(nn.Module, ABC):
         ranges: Ranges,
         **how: Any,  # noqa: ANN401
     ) -> tuple[Tensor, Quality]:
-        """Decode a file, or bring an array to what decoding gives; judge its quality.
+        """Decode a file, or convert an array to the decoded form, and measure its quality.
 
         Args:
-            recording: A path, or samples or pixels.
-            ranges: Ranges of the measures of the training recordings.
-            **how: ``rate`` in Hz, ``colour`` order, ``fast`` decoding, as far as they apply.
+            recording: A path, or an array of samples or pixels.
+            ranges: Ranges of the quality measures of the training recordings.
+            **how: ``rate`` in Hz, ``channels`` and ``time_unit`` of a signal; ``colour`` order of a
+                photo.
 
         Raises:
             UserError: If it cannot be used.
@@ -161,7 +162,7 @@ class Sense(nn.Module, ABC):
 
     @cached_property
     def knows_min_size(self) -> bool:
-        """Whether it is known without computing if a recording is large enough."""
+        """Whether a recording can be checked for its size without computing anything."""
         return self.tells_input_size and self.known_min_size is not None
 
     def forward(self, recording: Tensor) -> Tensor:
@@ -172,7 +173,7 @@ class Sense(nn.Module, ABC):
         """Return the network input of a recording, or of a batch of photos, computed in float32.
 
         Raises:
-            UserError: If that of a signal is not finite: NaN would win every vote.
+            UserError: If the input of a signal is not finite: NaN would win every vote.
         """
         x = x.to(next(chain(self.buffers(), self.parameters()), x).device)
         part = f"model.{self.name}.features", "features", self.features
@@ -199,7 +200,7 @@ class Sense(nn.Module, ABC):
         """Return the input of :meth:`dense_grid` for a decoded recording.
 
         Raises:
-            UserError: If a user's features cannot take one as short.
+            UserError: If a user's features fail on a recording as short as this.
         """
         try:
             return self.read(recording)
@@ -212,7 +213,7 @@ class Sense(nn.Module, ABC):
         """Reject a decoded recording that is too small for one fragment.
 
         Raises:
-            UserError: Saying what it takes, as far as that is known.
+            UserError: Saying which size is needed, if that is known.
         """
         if self.knows_min_size:
             self.check_input(*self.input_size(recording))
@@ -221,7 +222,9 @@ class Sense(nn.Module, ABC):
                 self.positions(as_tensor(recording), "fc3")
 
     def positions(self, recording: Tensor, level: Level) -> Tensor:
-        """Return features (D, positions), float32, of a decoded recording; an image's row by row.
+        """Return the output (D, positions) of the network for a decoded recording, float32.
+
+        Positions of a photo are in row order.
 
         Raises:
             UserError: If the recording is too small, or not finite.
@@ -229,9 +232,9 @@ class Sense(nn.Module, ABC):
         return self.dense_grid(self.dense_input(recording), level).flatten(1)
 
     def dense_grid(self, x: Tensor, level: Level) -> Tensor:
-        """Return features (D, rows, columns) of a network input; a signal's have one row.
+        """Return the output (D, rows, columns) of the network; a signal has one row.
 
-        A large input is divided into tiles. Features are float32, of float64 weights float64.
+        A large input is divided into tiles. The output is float32, or float64 with such weights.
 
         Raises:
             UserError: If the input is too small.
@@ -273,7 +276,7 @@ class Sense(nn.Module, ABC):
         return features
 
     def piece_size(self, size: int) -> int:
-        """Return the size of a piece that gives one position; ``size`` where it is not known."""
+        """Return the size of a piece that gives one position, or ``size`` if it is not known."""
         return size if self.geometry is None else self.window_size[1]
 
     @property
@@ -298,7 +301,7 @@ class Sense(nn.Module, ABC):
 
     @cached_property
     def min_size(self) -> tuple[int, int]:
-        """The same, of a sense that knows it."""
+        """As :attr:`known_min_size`; an error if it is not known."""
         return self.known_min_size or self._known_geometry.min_size
 
     @property
@@ -328,17 +331,17 @@ class Sense(nn.Module, ABC):
 
     @property
     def what(self) -> str:
-        """Name of one of its recordings."""
+        """Word for one of its recordings, such as ``trace`` or ``photo``."""
         return name_one(self.modality)
 
 
 def as_tensor(recording: Tensor | Array) -> Tensor:
-    """Return a decoded recording in memory; an array may be a read-only map of a file."""
+    """Return a decoded recording as a tensor; an array is copied, as it may be a mapped file."""
     return recording if isinstance(recording, Tensor) else torch.from_numpy(np.array(recording))
 
 
 def content(recording: Tensor) -> Array:
-    """Return the array whose content seeds what is random about a recording."""
+    """Return a recording as the array from whose content random numbers are seeded."""
     return np.ascontiguousarray(recording.cpu().numpy())
 
 
@@ -346,17 +349,16 @@ BUILT = (TARGET, "features", "network")
 
 
 def make_sense(name: str, node: Mapping[str, Any], classes: int) -> Sense:
-    """Make a sense of a card with random weights.
+    """Make a sense with random weights from its settings.
 
     Args:
         name: Name of the sense.
         node: ``_target_``, a subclass of :class:`Sense`; ``modality``; ``decode``, arguments of
-            its decoder; ``features`` and ``network``, each a ``_target_`` with arguments. All
-            other values are offered to these two, which take what they have parameters for,
-            beside ``classes``, the settings of the decoder and, for the network, the ``bands``,
-            ``blocks`` and ``bins`` that the features say they have; nodes with a ``_target_`` are
-            built before.
-        classes: Number of materials.
+            its decoder; ``features`` and ``network``, each a ``_target_`` with arguments. Features
+            and network also get those of all other keys that they have a parameter for, and
+            likewise ``classes``, the settings of the decoder and, for the network, ``bands``,
+            ``blocks`` and ``bins`` of the features. A key with a ``_target_`` is built first.
+        classes: Number of classes.
 
     Raises:
         UserError: If the node cannot be used, or names a class that is not trusted.

@@ -25,9 +25,9 @@ EXAMPLE_SIDE = 64  # pixels
 
 
 class PhotoSense(Sense):
-    """Photos (height, width, 3) uint8; features map (1, 3, height, width) to inputs as large.
+    """Photos (height, width, 3) uint8; features map (batch, 3, height, width) to inputs as large.
 
-    In training they map batches of turned patches (batch, 3, side, side), uint8 as well.
+    In training, features get batches of rotated crops (batch, 3, side, side), uint8 as well.
     """
 
     medium: ClassVar[str] = "photo"
@@ -62,7 +62,10 @@ class PhotoSense(Sense):
         return super().forward(_planes(recording))
 
     def dense_input(self, recording: Tensor) -> Tensor:
-        """Return pixels (1, 3, height, width), which built-in features normalise by tiles."""
+        """Return pixels (1, 3, height, width), which :meth:`score` normalises tile by tile.
+
+        Features of a user's are computed here, on the whole photo.
+        """
         return _planes(recording) if self.tells_input_size else self(recording)
 
     def score(self, x: Tensor, level: Level) -> Tensor:
@@ -78,7 +81,7 @@ class PhotoSense(Sense):
         return torch.zeros(1, 3, height, width).contiguous(memory_format=torch.channels_last)
 
     def example(self) -> Tensor:
-        """Make what the features give for a black photo."""
+        """Make the network input of a black photo."""
         return self.read(torch.zeros(1, 3, EXAMPLE_SIDE, EXAMPLE_SIDE, dtype=torch.uint8))
 
     def bank(
@@ -99,14 +102,12 @@ class PhotoSense(Sense):
     def training_input(
         self, pieces: Mapping[str, Tensor], size: int, change: Change | None = None
     ) -> Tensor:
-        """Return features of rotated patches (batch, 3, size, size); see the base class.
+        """Return the network input of rotated crops (batch, 3, size, size); see the base class.
 
-        Other features than this package's get photos to read, as in a prediction.
+        Features of this package rotate and normalise in one pass; others get rotated photos.
         """
         crops, degrees, features = pieces["crop"], pieces["degrees"], self.features
-        if (
-            isinstance(features, ImageFeatures) and type(features).forward is ImageFeatures.forward
-        ):  # which rotate and normalise in one pass
+        if isinstance(features, ImageFeatures) and type(features).forward is ImageFeatures.forward:
             patches = features.rotated(crops, degrees, size)
             if change is None:
                 return patches

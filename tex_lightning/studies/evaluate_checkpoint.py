@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache, lru_cache
+from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -44,7 +45,7 @@ from tex_lightning.report.gallery import (
     sample_artifacts,
     text_artifacts,
 )
-from tex_lightning.report.misclassified import SampleView
+from tex_lightning.report.misclassified import SampleView, keep_samples
 from tex_lightning.report.samples import ShownSample, show_sample
 from tex_lightning.studies.dataset import Dataset
 from tex_lightning.studies.description import data_facts
@@ -182,9 +183,9 @@ def log_network(
         directory: The run folder, whose figures are drawn.
         loggers: Loggers of the network.
         networks: Entries of ``results.json`` of the networks tested so far, this one the last.
-        trains: Divisions that it was trained on, which make it a trial among other trainings; a
-            test alone is none.
-        further: Further artifacts, made where a logger shows any.
+        trains: Divisions that it was trained on; empty if the run only tests. TensorBoard compares
+            trainings with each other.
+        further: Further artifacts, made only if a logger shows any.
     """
     *_, name = networks
     model, values = config.model, plain_values(config)
@@ -207,7 +208,7 @@ def view_samples(
     outcomes: Sequence[Outcome],
     store: Store,
 ) -> SampleView:
-    """Return what looks at each test sample of a network once."""
+    """Return a function that renders the test sample of a number, each once."""
 
     @cache
     def look(number: int) -> ShownSample:
@@ -216,16 +217,23 @@ def view_samples(
     return look
 
 
-def test_artifacts(
+def draw_test(
     classifier: SurfaceClassifier,
     samples: Sequence[Sample],
     outcomes: Sequence[Outcome],
     store: Store,
-    look: SampleView,
+    directory: Path,
 ) -> Iterator[Artifact]:
-    """Yield what is seen of a network's test: samples to look at and to hear, and embeddings."""
-    yield from sample_artifacts(look, outcomes, classifier.card.classes)
-    yield from projector_artifacts(classifier, samples, outcomes, store)
+    """Save the figures and the misclassified samples of a test in the run folder.
+
+    Returns:
+        The artifacts for its loggers, made when they are asked for: samples and embeddings.
+    """
+    card, view = classifier.card, view_samples(classifier, samples, outcomes, store)
+    draw_figures(outcomes, card.classes, card.kind, directory)
+    keep_samples(directory, card.kind, view, outcomes, samples, card.classes)
+    embeddings = projector_artifacts(classifier, samples, outcomes, store)
+    return chain(sample_artifacts(view, outcomes, card.classes), embeddings)
 
 
 def fold_samples(dataset: Dataset, outcomes: Sequence[Outcome]) -> list[Sample]:
@@ -243,7 +251,7 @@ def view_samples_by_fold(
     outcomes: Sequence[Outcome],
     checkpoints: Mapping[str, Path],
 ) -> SampleView:
-    """Return what looks at each sample of a cross-validation as the network of its fold does.
+    """Return a function that renders a sample of a cross-validation by the network of its fold.
 
     Args:
         dataset: The recordings of all folds.

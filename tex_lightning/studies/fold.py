@@ -22,17 +22,14 @@ from tex_lightning.learning.loggers import log_test
 from tex_lightning.learning.train import Training, train_networks
 from tex_lightning.learning.training_check import check_custom_parts, check_training
 from tex_lightning.report.board import Artifact
-from tex_lightning.report.misclassified import keep_samples
 from tex_lightning.studies.dataset import Dataset, open_dataset
 from tex_lightning.studies.description import show_opening
 from tex_lightning.studies.evaluate_checkpoint import (
     describe_network,
-    draw_figures,
+    draw_test,
     log_network,
     report_network,
     results_frame,
-    test_artifacts,
-    view_samples,
 )
 
 log = logging.getLogger(__name__)
@@ -190,11 +187,8 @@ def _test_network(
             classifier, checkpoint, samples, store, directory, config, unknown,
             dataset.condition_bins,
         )  # fmt: skip
-        look = view_samples(classifier, samples, outcomes, store)
-        further = test_artifacts(classifier, samples, outcomes, store, look)
         if draw:
-            draw_figures(outcomes, dataset.classes, kind, directory)
-            keep_samples(directory, kind, look, outcomes, samples, dataset.classes)
+            further = draw_test(classifier, samples, outcomes, store, directory)
     else:
         sample = make_samples(parts.train, modalities)[0]
         result = {"test_samples": 0, **describe_network(classifier, checkpoint, sample, store)}

@@ -13,17 +13,14 @@ from tex_lightning.data.folds import make_samples, tested_part
 from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.inference.prediction import check_unknown
 from tex_lightning.learning.loggers import open_loggers
-from tex_lightning.report.misclassified import keep_samples
 from tex_lightning.report.table import print_results
 from tex_lightning.studies.dataset import open_test_data
 from tex_lightning.studies.description import show_opening
 from tex_lightning.studies.evaluate_checkpoint import (
-    draw_figures,
+    draw_test,
     log_network,
     report_network,
     results_frame,
-    test_artifacts,
-    view_samples,
 )
 
 
@@ -50,11 +47,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     network, outcomes = report_network(
         classifier, checkpoint, samples, store, directory, config, unknown, dataset.condition_bins
     )
-    draw_figures(outcomes, card.classes, card.kind, directory)
+    further = draw_test(classifier, samples, outcomes, store, directory)
     loggers, networks = open_loggers(config.logger, directory, card.kind), {card.kind: network}
-    look = view_samples(classifier, samples, outcomes, store)
-    keep_samples(directory, card.kind, look, outcomes, samples, card.classes)
-    further = test_artifacts(classifier, samples, outcomes, store, look)
     log_network(config, dataset, directory, loggers, networks, further=further)
     seconds = time.perf_counter() - begin
     results = results_frame(
