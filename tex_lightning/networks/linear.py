@@ -135,7 +135,8 @@ class LinearNet(nn.Module):
 
     def _gated(self, bins: Sequence[int]) -> Tensor:
         """Return which features (groups, D) are out of range together."""
-        groups = [torch.tensor(bins) == number for number in sorted({*bins} - {-1})]
+        band = torch.tensor(bins)
+        groups = [band == number for number in band[band >= 0].unique()]
         block = torch.repeat_interleave(torch.arange(len(self.blocks)), self.sizes)
         groups += [block == index for index, (kind, _) in enumerate(self.blocks) if kind == "power"]
         if self.levels:

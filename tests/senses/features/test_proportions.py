@@ -237,7 +237,8 @@ def test_fragments_have_the_mean_and_variance_of_their_rows():
     np.testing.assert_allclose(moments.variance, [part.var(axis=0) for part in parts], atol=1e-6)
 
 
-def test_recordings_are_not_held_and_no_more_than_enough_are_read(monkeypatch):
+def test_few_recordings_are_held_and_no_more_than_enough_are_read(monkeypatch):
+    monkeypatch.setattr(proportions, "MAX_HELD", 2 * 4000)  # two recordings
     held, most, seen = weakref.WeakSet(), 0, set()
 
     class Recordings(Sequence):
@@ -259,10 +260,11 @@ def test_recordings_are_not_held_and_no_more_than_enough_are_read(monkeypatch):
 
     read, listed = make(), make()
     read.learn(Recordings(range(6)))
+    assert most <= 5  # the held ones, two in use, and one that is read
+    assert seen == {*range(6)}
+    monkeypatch.setattr(proportions, "MAX_HELD", 6 * 4000)
     listed.learn([noise(2, seed=seed) for seed in range(6)])
     torch.testing.assert_close(read.thresholds0, listed.thresholds0, rtol=0, atol=0)
-    assert most <= 2
-    assert seen == {*range(6)}
     monkeypatch.setattr(proportions, "MAX_RECORDINGS", 3)
     seen.clear()
     read.learn(Recordings(range(6)))

@@ -8,9 +8,10 @@ frequency and a threshold, and the windows and their bands follow from the data'
 import math
 import statistics
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Annotated, Any, ClassVar
 
+import numpy as np
 import scipy  # whose parts are loaded when they are used
 import torch
 from torch import Tensor, nn
@@ -32,6 +33,7 @@ BLOCK = (
     1 << 18
 )  # samples of the frames that are computed at once, about, so that they stay in cache
 MIN_BLOCK, MAX_BLOCK = 64, 1024  # frames
+MAX_HELD = 1 << 25  # samples of the training; what comes after them is read several times
 MAX_RECORDINGS = 2000  # that level and thresholds are learnt from, evenly spread over the training
 PARTS = 16  # fragments that rows are added to at once
 MAX_FRAMES = 50_000  # frames, about, that thresholds are learnt from: enough for quantiles
@@ -297,14 +299,21 @@ class BandProportions(nn.Module):
         """Take level, thresholds, and which windows fit, from at most 2,000 of the training set.
 
         Args:
-            traces: (axes, samples) each; some of them are read several times and not held.
+            traces: (axes, samples) each; what is not held is read several times.
         """
         traces = traces[:: math.ceil(len(traces) / MAX_RECORDINGS)]
         self.fits.fill_(False)
         for index in range(len(self.lengths)):
             self.get_buffer(f"usual{index}").zero_()
         self._note_windows()
-        counts = [self.movement(trace).shape[-1] for trace in traces]
+        counts: list[int] = []
+        held: list[Tensor] = []
+        size = 0
+        for movement in map(self.movement, traces):
+            counts.append(movement.shape[-1])
+            size += movement.numel()
+            if size <= MAX_HELD:
+                held.append(movement)
         usual = statistics.median(counts)
         lengths = torch.tensor(self.lengths, device=self.fits.device)
         least = WINDOWS_IN_SLOW if self.levels else WINDOWS_IN_RECORDING
@@ -312,7 +321,8 @@ class BandProportions(nn.Module):
         self._note_windows()
 
         def movements() -> Iterator[Tensor]:
-            return (self.filled(self.movement(trace)) for trace in traces)
+            others = map(self.movement, traces[len(held) :])
+            return (self.filled(movement) for movement in chain(held, others))
 
         powers = [movement.var(dim=-1, correction=0).sum() for movement in movements()]
         level = torch.stack(powers).mean()
@@ -347,8 +357,8 @@ class BandProportions(nn.Module):
         every = torch.arange(thresholds.shape[1], device=thresholds.device)
         size = max(1, BLOCK // frames)
         for channels in torch.split(every, size):
-            ordered = responses[:, channels].sort(dim=0).values
-            thresholds[:, channels] = (ordered[places] + ordered[after]) / 2
+            ordered = _ordered(responses[:, channels].T)
+            thresholds[:, channels] = ((ordered[:, places] + ordered[:, after]) / 2).T
 
     def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *rest: Any) -> None:  # noqa: ANN401
         """Load a state; in checkpoints of before usual bands are not known."""
@@ -600,6 +610,13 @@ def octave_filters(sampling_rate: float, samples: int, per_octave: int) -> Tenso
     heights = triangles(frequencies, below, centres, above)
     heights[:, 0] = 0
     return mean_filters(heights)
+
+
+def _ordered(rows: Tensor) -> Tensor:
+    """Return each row in order of size; on a processor NumPy is three times as fast."""
+    if is_at_hand(rows):
+        return torch.from_numpy(np.sort(rows.numpy(), axis=1))
+    return rows.sort(dim=1).values
 
 
 def _reach(filters: Tensor) -> slice:
