@@ -136,7 +136,7 @@ class LinearNet(nn.Module):
     def _gated(self, bins: Sequence[int]) -> Tensor:
         """Return which features (groups, D) are out of range together."""
         band = torch.tensor(bins)
-        groups = [band == number for number in band[band >= 0].unique()]
+        groups = [band == number for number in sorted({*bins} - {-1})]
         block = torch.repeat_interleave(torch.arange(len(self.blocks)), self.sizes)
         groups += [block == index for index, (kind, _) in enumerate(self.blocks) if kind == "power"]
         if self.levels:
