@@ -158,7 +158,7 @@ def test_an_internal_fault_keeps_its_traceback(cli, tmp_path, monkeypatch):
     def fail(*arguments):
         raise ZeroDivisionError("a fault of ours")
 
-    monkeypatch.setattr("tex_lightning.tasks.fit.open_announced", fail)
+    monkeypatch.setattr("tex_lightning.tasks.fit.open_and_show", fail)
     with pytest.raises(ZeroDivisionError, match="a fault of ours"):
         cli(f"hydra.run.dir={tmp_path}")
 

@@ -10,4 +10,4 @@ from tex_lightning_runtime.errors import shorten as shorten
 
 
 class InvalidInput(UserError, ValueError):
-    """The same, raised by the estimator: scikit-learn expects a ``ValueError``."""
+    """A :class:`UserError` of the estimator: scikit-learn expects a ``ValueError``."""

@@ -209,7 +209,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
 
     @torch.inference_mode()
     def explain(self, X: Any) -> list[dict[str, Array]]:  # noqa: ANN401
-        """Return what every fragment says, by sense.
+        """Return the class probabilities of every fragment, by sense.
 
         Returns:
             For each sample by sense the probabilities (rows, columns, classes) that this sense
@@ -320,7 +320,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
 
     @contextmanager
     def _working(self) -> Iterator[Path]:
-        """Give a folder for the time of some work, which says no more than was asked for.
+        """Yield a temporary folder, with messages as far as ``verbose`` allows.
 
         Raises:
             InvalidInput: If the work ends with a user's mistake.

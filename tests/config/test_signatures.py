@@ -126,7 +126,7 @@ def test_wrong_values_of_nodes_are_one_sentence_before_data_is_read(
         assert data.root is None, "data is read"
         return build("data.reader", data.reader)
 
-    for module in ("studies.dataset", "data.own_defaults"):
+    for module in ("studies.dataset", "data.derived_settings"):
         monkeypatch.setattr(f"tex_lightning.{module}.read_recordings", read)
     outcome = cli(*case.split(), f"hydra.run.dir={tmp_path}/run")
     assert (outcome.status, outcome.err.count("\n")) == (2, 1), outcome.err
@@ -158,7 +158,7 @@ def test_no_value_of_a_key_ends_in_a_traceback_before_the_training(
     def reached(*_: object, **__: object) -> None:
         raise Reached
 
-    monkeypatch.setattr("tex_lightning.tasks.fit.fit_fold", reached)
+    monkeypatch.setattr("tex_lightning.tasks.fit.run_fold", reached)
     folder = ["data=folder", f"data.root={surfaces}", f"data.cache_dir={cache}"]
     given = [model, "debug=tiny", "data.half_scale=false", *folder]
     keys = sorted(flatten(OmegaConf.to_container(compose_config(given), resolve=False)))

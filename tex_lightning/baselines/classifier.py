@@ -62,7 +62,7 @@ def make_baseline(name: str, node: Mapping[str, Any], budget: float) -> "Baselin
 
 
 def check_is_baseline(name: str, baseline: object) -> None:
-    """Reject what does not derive from the base of all baselines; ``name`` is that of its class.
+    """Reject an object of the class ``name`` that does not derive from the base of all baselines.
 
     Raises:
         UserError: If it does not.
@@ -126,7 +126,7 @@ def as_part(baseline: "Baseline") -> tuple[str, str, "Baseline"]:
 
 
 class FittedBaseline(nn.Module):
-    """A baseline as a network: it scores one recording at a time, on the CPU.
+    """A baseline in the place of a network: it scores one recording at a time, on the CPU.
 
     Args:
         baseline: Fitted, or about to be.
@@ -258,7 +258,7 @@ def load_classifier(path: str | Path) -> SurfaceClassifier:
 
 @dataclass(frozen=True)
 class Loaded(Sequence["Array"]):
-    """Recordings as a baseline takes them, loaded when they are asked for."""
+    """Recordings in the form that a baseline takes, each loaded on access."""
 
     rows: Sequence[Recording]
     store: Store

@@ -36,7 +36,7 @@ FLOOR = 1e-10  # of the mean energy; digital silence would be minus infinity
 
 @dataclass
 class Cepstra:
-    """How frames become coefficients: Hamming window, power spectrum, filters, logarithm, DCT-II.
+    """Cepstral coefficients of frames: Hamming window, power spectrum, filters, logarithm, DCT-II.
 
     There is neither pre-emphasis nor liftering, and frames that would pass the end are left out.
 

@@ -32,7 +32,7 @@ POSITIVE = "[1, inf)"
 
 @dataclass
 class Measured:
-    """What a card says that was set or measured, beside lists: numbers and their ranges."""
+    """Ranges of the numbers in ``calibration`` and ``training`` of a card."""
 
     temperature: Annotated[float, "[1e-6, 1e6]"]
     fit_seconds: Annotated[float, "[0, inf)"]
@@ -42,7 +42,7 @@ class Measured:
     folds: Annotated[float, POSITIVE]
 
 
-# Whose fields say what a part of the card may hold; keys of senses are those of their classes.
+# The class whose annotations check each part of a card; senses are checked by their own classes.
 SCHEMAS: dict[str, type] = {
     "decision": DecisionConfig,
     "fusion": FusionConfig,
@@ -52,7 +52,7 @@ SCHEMAS: dict[str, type] = {
 }
 
 
-# What arguments were that a card of an earlier version leaves out, by class; newer cards have them.
+# By class the values of arguments that cards of earlier versions leave out; newer cards have them.
 FORMER: dict[str, dict[str, float | str]] = {
     "tex_lightning.networks.hapticnet.HapticNet": {"width": 1.0, "dropout": 0.5},
     "tex_lightning.networks.visualnet.VisualNet": {"dropout": 0.5},
@@ -65,10 +65,10 @@ class Card:
     """Description of a classifier in plain values.
 
     Attributes:
-        classes: Class names; the network's outputs in order.
-        senses: By the name of each sense what
-            :func:`~tex_lightning.senses.base.make_sense` makes its sense of: ``_target_``,
-            ``modality``, ``decode``, ``features``, ``network`` and their arguments.
+        classes: Class names in the order of the network's outputs.
+        senses: By the name of each sense its settings, from which
+            :func:`~tex_lightning.senses.base.make_sense` makes it: ``_target_``, ``modality``,
+            ``decode``, ``features``, ``network`` and their arguments.
         decision: ``pairs`` and ``seed`` of FusionNet's vote, ``rule`` and ``unknown``.
         fusion: ``level`` of FusionNet; empty for a single sense.
         baseline: ``name`` of a baseline, its ``node`` of the configuration, the ``budget`` that it
@@ -76,18 +76,17 @@ class Card:
             empty for this package's networks.
         calibration: What was set on the validation fold: ``temperature`` of the probabilities, and
             by sense the ``novelties`` of known samples
-            (:mod:`~tex_lightning.learning.finish`). What cannot be set is not there.
-        trained_on: ``seen``, digests of the recordings behind the weights, to refuse testing on
-            them, and the keys of ``data`` that say on which fold they may be tested; ``trunks``,
-            what each trunk began from if not at random.
+            (:mod:`~tex_lightning.learning.finish`). Entries that could not be set are absent.
+        trained_on: ``seen``, digests of the training recordings, which may not be tested on; the
+            keys of ``data`` that name the fold to test on; and ``trunks``, the source of each
+            trunk's first weights if they were not random.
         input_ranges: By modality, smallest and largest value of each measure of the training
             recordings (:func:`~tex_lightning.data.inspection.training_ranges`); empty if not known.
-        training: ``fit_seconds`` that the training took; ``val_loss``, the loss on the validation
-            fold, None where nothing was validated; and by sense ``left_out``, the novelties of
-            training recordings that were left out of the statistics, empty where the layers before
-            the scores were fitted to them. Of a network of all recordings whose settings were
-            cross-validated, ``crossval`` has what that gave: ``correct``, ``test_samples``,
-            ``vote_accuracy``, ``vote_ci95`` and the number of ``folds``.
+        training: ``fit_seconds``, the time of the training; ``val_loss``, the loss on the
+            validation fold or None; and ``left_out``, by sense the novelties of training recordings
+            when they are left out, empty if layers before the scores were trained on them.
+            ``crossval`` has the result of a cross-validation with the same settings: ``correct``,
+            ``test_samples``, ``vote_accuracy``, ``vote_ci95`` and the number of ``folds``.
     """
 
     classes: list[str]
@@ -110,7 +109,7 @@ class Card:
 
         Raises:
             KeyError: If a value is missing.
-            ValueError: If a value cannot be meant.
+            ValueError: If a value is out of its range or of a wrong type.
         """
         card = cls(**{entry.name: stored[entry.name] for entry in fields(cls)})
         _check(card)
@@ -118,7 +117,7 @@ class Card:
         return replace(card, senses=senses)
 
     def deciding(self, decision: DecisionConfig) -> Self:
-        """Return the card with the given parts of the decision; None keeps the card's."""
+        """Return the card with the decision replaced, except for values that are None."""
         values = {key: getattr(decision, key) for key in DECISION}
         changed = {key: value for key, value in values.items() if value is not None}
         return replace(self, decision={**self.decision, **changed})
@@ -144,7 +143,7 @@ class Card:
         return str(self.baseline.get("name", f"{self.kind} network"))
 
     def of(self, senses: Sequence[str]) -> Self:
-        """Return the card of some of the senses; their temperature is not known."""
+        """Return the card of the classifier by some of the senses, without a temperature."""
         chosen = {name: self.senses[name] for name in senses}
         fusion = self.fusion if len(chosen) > 1 else {}
         kept = {name: self.novelties[name] for name in senses if name in self.novelties}
@@ -153,7 +152,7 @@ class Card:
 
     @cached_property
     def rule(self) -> str:
-        """How fragments decide, a key of ``RULES``."""
+        """Name of the decision rule, a key of ``RULES``."""
         return str(self.decision["rule"])
 
     @property
@@ -163,13 +162,13 @@ class Card:
 
     @property
     def novelties(self) -> dict[str, list[float]]:
-        """Novelties of known samples by sense, in the same order; empty if not known."""
+        """Novelties of the known samples by sense; empty if they were not measured."""
         novelties: dict[str, list[float]] = self.calibration.get(NOVELTIES, {})
         return novelties
 
     @property
     def known_novelties(self) -> list[float]:
-        """Novelties of known samples: the sums over the senses."""
+        """Novelty of each known sample, the sum over the senses."""
         return [sum(values) for values in zip(*self.novelties.values(), strict=True)]
 
     @cached_property
@@ -186,7 +185,7 @@ class Card:
 
 
 def configured_card(config: Config, classes: list[str]) -> Card:
-    """Describe the classifier of a configuration by its recipe alone, as if nothing trained it."""
+    """Return the card of a configuration's classifier before any training."""
     model, sources = config.model, config.sources
     baseline = {
         "name": model.name,
@@ -204,7 +203,7 @@ def configured_card(config: Config, classes: list[str]) -> Card:
 
 
 def _defaults() -> dict[str, dict[str, Any]]:
-    """Return the defaults of today of the arguments whose former ones were others."""
+    """Return today's defaults of the arguments in :data:`FORMER`."""
     return {
         target: {name: signature.parameters[name].default for name in arguments}
         for target, arguments in FORMER.items()
@@ -213,7 +212,7 @@ def _defaults() -> dict[str, dict[str, Any]]:
 
 
 def _completed(sense: dict[str, Any], defaults: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """Return a sense whose features and network have the arguments that nothing gives them."""
+    """Return the settings of a sense with the missing arguments of its features and network."""
     parts = {}
     for kind in ("features", "network"):
         given = defaults.get(sense[kind][TARGET], {})
@@ -225,12 +224,12 @@ def _completed(sense: dict[str, Any], defaults: Mapping[str, Mapping[str, Any]])
 def novelty_threshold(known: Sequence[float], rate: float) -> float:
     """Return the novelty above which a recording is called unknown: split conformal prediction.
 
-    If known recordings to come are exchangeable with the n given, each has a chance of at most
-    k / (n + 1) to lie above the k-th largest of these (Vovk et al. 2005, Lei et al. 2018). Where
-    not even 1 / (n + 1) is as small as ``rate`` the largest is taken, see :func:`least_rate`.
+    A new known recording that is exchangeable with n given ones exceeds the k-th largest of them
+    with a probability of at most k / (n + 1) (Vovk et al. 2005, Lei et al. 2018). If ``rate`` is
+    below 1 / (n + 1), the largest is returned; see :func:`least_rate`.
 
     Args:
-        known: Novelties of recordings of known classes that nothing was fitted on, at least one.
+        known: Novelties of at least one known recording that nothing was fitted to.
         rate: Share of known recordings that may be called unknown, in (0, 1).
     """
     place = max(1, int((len(known) + 1) * rate + ROUNDING))
@@ -259,11 +258,11 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Add the name of the file to errors while a classifier is built from a checkpoint.
+    """Turn errors while a checkpoint is read into a :class:`UserError` that names the file.
 
     Raises:
-        UserError: If a value of it cannot be used, or it is damaged in any way.
-        Exception: Any exception of a custom class.
+        UserError: If the checkpoint is damaged or a value of it cannot be used.
+        Exception: Any exception of a user's class, unchanged.
     """
     try:
         yield
@@ -282,7 +281,7 @@ def reading(path: Path) -> Iterator[None]:
 
 
 def _check(card: Card) -> None:
-    """Reject a card whose values would fail, or be misread, only later.
+    """Check the values of a card.
 
     Raises:
         ValueError: Naming the value.

@@ -55,7 +55,7 @@ class SenseOutput(NamedTuple):
 
 
 class Decider(Protocol):
-    """What decides on a sample: a network, a baseline, or a sequential decision.
+    """A decision on samples: by a network, by a baseline, or sequential.
 
     Attributes:
         card: Card of what computes the scores, with the rule that decides.

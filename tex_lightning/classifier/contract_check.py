@@ -36,16 +36,16 @@ def check_parts(
     store: Store,
     change: Change | None = None,
 ) -> None:
-    """Train the network of one sense on two recordings, save it and load it into another.
+    """Check the parts of one sense: train it on two recordings, save it and load it again.
 
     Args:
         classifier: Classifier of a single sense.
-        rebuilt: The same, built anew; it gets the state of ``classifier``.
-        fit: Settings of the training.
+        rebuilt: A new classifier of the same card, which gets the state of ``classifier``.
+        fit: The training recipe.
         piece: Length or side of the pieces that it is trained on.
         recordings: Decoded recordings.
         store: Store of the decoded recordings.
-        change: The augmentation of photos; None leaves them.
+        change: The augmentation of photos; None for none.
 
     Raises:
         UserError: If a part does not keep its contract.
@@ -79,14 +79,14 @@ def check_parts(
 
 
 def parts_of(sense: Sense) -> tuple[Part, Part]:
-    """Return features and network, as a contract names them; a baseline is a network, too."""
+    """Return features and network of a sense with their keys, as contracts name them."""
     key, network = f"model.{sense.name}", sense.network
     scored: Part = getattr(network, "contract_part", (f"{key}.network", "network", network))
     return (f"{key}.features", "features", sense.features), scored
 
 
 def _check_calls(sense: Sense) -> None:
-    """Reject features or a network that cannot be called as they are."""
+    """Reject features or a network whose methods lack the parameters of their contract."""
     features, scored = parts_of(sense)
     if not is_builtin(sense.features):
         argument = "signal" if sense.medium == "signal" else "photos"
@@ -123,7 +123,7 @@ def check_scores(scores: Tensor, part: Part, classes: int) -> None:
 
 
 def check_gradient(scores: Tensor, sense: Sense, part: Part) -> None:
-    """Reject scores of which nothing can be trained, or whose gradient is not finite."""
+    """Reject scores without a gradient, or with one that is not finite."""
     if not scores.requires_grad:
         raise breach(*part, "gave scores without a gradient, so nothing can be trained")
     with calling(*part):
@@ -169,7 +169,7 @@ def check_trunk(part: Part, trunk: Trunk, images: Tensor) -> None:
 def check_outputs(
     classifier: SurfaceClassifier, rebuilt: SurfaceClassifier, recordings: Sequence[Tensor]
 ) -> None:
-    """Check the scores of recordings, and that they are the same once a checkpoint is loaded.
+    """Check the scores of recordings, and that a loaded checkpoint gives the same.
 
     Args:
         classifier: Classifier of a single sense.
@@ -194,7 +194,7 @@ def check_outputs(
 def check_baseline(
     classifier: SurfaceClassifier, rebuilt: SurfaceClassifier, recordings: Sequence[Tensor]
 ) -> None:
-    """Check what a fitted baseline gives, and that its state is all that it has learnt.
+    """Check the outputs of a fitted baseline, and that its state restores them.
 
     Args:
         classifier: Classifier with the fitted baseline.
@@ -216,7 +216,7 @@ def check_baseline(
 
 
 def saved(state: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a state as it comes out of a file."""
+    """Return a state after it was written to a file and read back."""
     file = io.BytesIO()
     torch.save(state, file)
     file.seek(0)
@@ -225,7 +225,7 @@ def saved(state: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def check_same(run: Callable[[], Tensor], again: Callable[[], Tensor], part: Part) -> None:
-    """Check that two calls give the same but for rounding."""
+    """Check that two calls return the same but for rounding."""
     outputs = []
     for call in (run, again):
         torch.manual_seed(0)  # of what draws

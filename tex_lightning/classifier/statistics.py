@@ -1,7 +1,8 @@
 """Statistics of a network's features: the mean of every class, and one shared covariance.
 
-A checkpoint keeps those of its training recordings, one feature vector for each. So classes can be
-added without the old recordings, and recordings unlike every class can be detected.
+A checkpoint keeps the statistics of the mean embeddings of its training recordings. With them
+classes are added without the old recordings, and unknown recordings are detected. A network in
+closed form may also keep the embeddings themselves (:class:`TrainingRows`), to be fitted again.
 """
 
 import math
@@ -25,11 +26,11 @@ NO_REACH = 2.0**40  # a distance that no recording has, and float32 and checkpoi
 class FeatureStatistics(nn.Module):
     """Means of all classes and one covariance within them, as of a linear discriminant analysis.
 
-    The covariance is that of the recordings' mean features about the mean of their class. Each
-    feature is divided by its scale first, so that of thousands of features those that tell the
-    classes little do not drown the others. Then it is shrunk towards a multiple of the identity:
-    sum_i v_i d_i d_i^T + rest (1 - sum_i d_i d_i^T), with orthonormal directions d_i. It needs
-    little memory for thousands of features, and is never singular.
+    The covariance is that of the recordings' mean features about the mean of their class. Features
+    are divided by their scales first, so that among thousands those that hardly differ between
+    classes do not dominate. The covariance is then shrunk towards a multiple of the identity:
+    sum_i v_i d_i d_i^T + rest (1 - sum_i d_i d_i^T), with orthonormal directions d_i. This form
+    needs little memory for thousands of features, and is never singular.
 
     Args:
         classes: Number of classes.
@@ -39,14 +40,14 @@ class FeatureStatistics(nn.Module):
     Attributes:
         means: (classes, D), the mean features of each class.
         counts: (classes,) int64, recordings behind each mean.
-        scales: (D,) deviation of each feature within the classes, above 0, divided by the ratio of
-            the deviation between the classes to it.
+        scales: (D,) above 0: the deviation of each feature within the classes, divided by the ratio
+            of its deviation between the classes to that within them.
         directions: (rank, D), orthonormal, of the features divided by their scales.
         variances: (rank,) along the directions, above 0.
         rest: () variance along every other direction, above 0.
-        reach: () distance to the closest class up to which recordings are like the training,
-            above 0; :data:`NO_REACH` where it is not known.
-        error: () share of recordings like the training that are taken for another class, 0 to 1.
+        reach: () above 0: distance to the closest class up to which recordings are like those of
+            the training; :data:`NO_REACH` if it is not known.
+        error: () share of such recordings whose closest class is a wrong one, 0 to 1.
         white: (classes, D), the means about their centre, whitened.
 
     Example:
@@ -85,10 +86,10 @@ class FeatureStatistics(nn.Module):
 
     @classmethod
     def of(cls, features: Tensor, labels: Tensor, classes: int) -> Self:
-        """Compute them from features (recordings, D) and class indices (recordings,) for training.
+        """Compute statistics of features (recordings, D) with class indices (recordings,).
 
-        Every class occurs. Where none has two recordings, the spread is that of the class means.
-        Means and scales are those of all recordings, directions those of a thousand at most.
+        Every class occurs. If none has two recordings, the covariance is that of the class means.
+        Means and scales are computed from all recordings, directions from a thousand at most.
         """
         rows, labels = features.cpu(), labels.cpu()
         counts, size = labels.bincount(minlength=classes), rows.shape[1]
@@ -167,12 +168,12 @@ class FeatureStatistics(nn.Module):
         return least * x + (along * (scale - least)) @ self.directions
 
     def novelty(self, features: Tensor) -> Tensor:
-        """Return how unlike every class features (..., D) of whole recordings are: (...), 0 to 2.
+        """Return the novelty (...) of features (..., D) of whole recordings, 0 to 2.
 
-        It is one minus the cosine to the closest class, after whitening by the covariance and
-        centring on the mean of all classes: 0 in the direction of a class, 1 at a right angle to
-        it. It detects recordings of unknown classes better than the distance does, whose scale
-        varies between recordings (docs/calibration.md).
+        It is one minus the cosine to the closest class mean, after centring on the mean of all
+        classes and whitening by the covariance: 0 in the direction of a class, 1 at a right angle
+        to it. It detects unknown classes better than the distance does, whose scale varies between
+        recordings (docs/calibration.md).
         """
         point = self.whiten(features - self.means.mean(dim=0))
         lengths = point.norm(dim=-1, keepdim=True) * self.white.norm(dim=-1)
@@ -182,8 +183,8 @@ class FeatureStatistics(nn.Module):
     def nearest(self, features: Tensor) -> tuple[Tensor, Tensor]:
         """Return the whitened distance of features (..., D) to the closest class, and which: (...).
 
-        Products of matrices find it: differences from every class would take memory for classes
-        times recordings times features.
+        It is computed by matrix products: differences from all classes would take memory of
+        classes times recordings times features.
         """
         point = self.whiten(features - self.means.mean(dim=0))
         halves = self.white.square().sum(dim=1) / 2
@@ -196,10 +197,11 @@ class FeatureStatistics(nn.Module):
         return float(self.reach) < NO_REACH
 
     def reliability(self, features: Tensor) -> Tensor:
-        """Return how like the training features (..., D) of whole recordings are: (...), 0 to 1.
+        """Return the reliability (...) of features (..., D) of whole recordings, 0 to 1.
 
-        It is 1 up to :attr:`reach`, and then falls with the square of the distance: as a Gaussian
-        whose deviation grows until it covers the recording would weigh all differences.
+        It is 1 up to a distance of :attr:`reach` from the closest class. Beyond, it falls with the
+        square of the distance, as the weight of a difference does under a Gaussian whose deviation
+        is widened to reach the recording.
         """
         distance = self.nearest(features)[0].clamp(min=MIN_VARIANCE)
         share: Tensor = (self.reach / distance).square()
@@ -207,10 +209,10 @@ class FeatureStatistics(nn.Module):
 
 
 class TrainingRows(nn.Module):
-    """Mean features of the training recordings, their classes, and what was recorded together.
+    """Mean embeddings of the training recordings with their classes and groups.
 
-    Features are kept in half precision: standardised by the network, they are then exact to a
-    thousandth of their deviation. That is 2 bytes for each, 9 to 22 MB for 1,000 recordings.
+    They are kept in half precision, which is exact to a thousandth of the deviation of a
+    standardised feature. 1,000 recordings take 9 to 22 MB.
 
     Attributes:
         features: (recordings, D) float16, the mean embedding of each recording.

@@ -18,15 +18,15 @@ class Vote:
     """The decision over all fragments of one sample, on the CPU.
 
     Attributes:
-        label: Index of the class that won.
-        shares: (classes,) share of the fragments that voted for each class, sums to 1.
-        fragments: (fragments,) class index of every fragment.
-        probabilities: (classes,) float64, mean class probabilities of the fragments, or those of
-            their mean score, as the rule says; they sum to 1.
-        relative_macs: Arithmetic that was done, as a share of what all fragments take.
-        novelty: Novelty of the sample, from 0; None if not known, or not of all senses.
-        modalities: Modalities that were looked at, where that are not all; else empty.
-        by_mean: Whether the probabilities have decided, and not the shares.
+        label: Index of the predicted class.
+        shares: (classes,) share of the fragments that voted for each class; they sum to 1.
+        fragments: (fragments,) predicted class index of every fragment.
+        probabilities: (classes,) float64, the mean class probabilities of the fragments, or the
+            probabilities of their mean score, depending on the rule; they sum to 1.
+        relative_macs: Computed multiply-accumulates as a share of those of all fragments.
+        novelty: Novelty of the sample, at least 0; None if it is not known of all senses.
+        modalities: Modalities that were used, if not all were; else empty.
+        by_mean: Whether the probabilities decided, and not the shares.
     """
 
     label: int
@@ -40,20 +40,20 @@ class Vote:
 
     @property
     def support(self) -> Tensor:
-        """What has decided (classes,): shares of the votes, or probabilities."""
+        """The values (classes,) whose largest is the label: shares or probabilities."""
         return self.probabilities if self.by_mean else self.shares
 
     @property
     def probability(self) -> float:
-        """Probability of the class that won."""
+        """Probability of the predicted class."""
         return float(self.probabilities[self.label])
 
     def deciding_by_mean(self) -> "Vote":
-        """Decide the same fragments by the largest mean probability."""
+        """Return the vote of the same fragments by the largest probability."""
         return replace(self, label=int(self.probabilities.argmax()), by_mean=True)
 
     def with_novelty(self, novelty: Tensor) -> "Vote":
-        """Return the vote of a sample whose novelty () is known."""
+        """Return the vote with a novelty ()."""
         return replace(self, novelty=float(novelty))
 
     def doubted(self, share: float) -> "Vote":
@@ -67,14 +67,14 @@ class Vote:
 
 
 class Tally:
-    """What fragments add to a vote, so that they need not be kept.
+    """Sums over fragments that give their vote, so that fragments need not be kept.
 
     Args:
         classes: Number of classes.
         temperature: Logits are divided by it before they become probabilities.
 
     Attributes:
-        votes: (classes,) int64, fragments for which each class is the most probable.
+        votes: (classes,) int64, number of fragments whose most probable class it is.
         sums: (classes,) float64, sums of probabilities.
         scores: (classes,) float64, sums of logits.
     """
@@ -104,7 +104,7 @@ class Tally:
         return total
 
     def vote(self, fragments: Tensor | None = None) -> Vote:
-        """Return the :func:`max_vote`; without ``fragments`` their order is not known."""
+        """Return the :func:`max_vote`; without ``fragments`` its fragments are sorted by class."""
         count, every = int(self.votes.sum()), np.arange(len(self.votes))
         label = int(np.lexsort((-every, self.sums, self.votes))[-1])
         if fragments is None:
@@ -139,7 +139,7 @@ def max_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
 def mean_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
     """Choose the class with the largest mean probability; otherwise as :func:`max_vote`.
 
-    Fragments that are unsure count for less than those that are sure.
+    A fragment counts the more, the more confident it is.
     """
     return max_vote(logits, temperature).deciding_by_mean()
 
@@ -147,8 +147,7 @@ def mean_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
 def score_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
     """Choose the class with the largest mean score, the product rule of Kittler et al. (1998).
 
-    The probabilities are those of the mean score: with fragments that say the same, each of them
-    unsure, they grow as sure as the whole recording is.
+    The probabilities are those of the mean score.
     """
     logits = logits.cpu()
     vote, mean = max_vote(logits, temperature), logits.double().mean(dim=1)
@@ -194,13 +193,12 @@ def random_tuples(positions: Sequence[int], count: int, seed: int) -> Tensor:
 
 @dataclass(frozen=True)
 class Rule:
-    """How the class scores of fragments become a vote.
+    """A decision rule: from the class scores of fragments to a vote.
 
     Attributes:
         decide: Makes a vote of logits (classes, fragments) and a temperature.
         of_tally: Makes the same vote of fragments that were added up.
-        by_mean_score: Whether the mean score decides, so that a recording is taken whole and its
-            fragments are not asked one by one.
+        by_mean_score: Whether the mean score decides. Recordings are then always computed whole.
     """
 
     decide: Callable[[Tensor, float], Vote]

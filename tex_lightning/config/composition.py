@@ -187,7 +187,7 @@ def read_config(composed: DictConfig) -> Config:
 
 
 def missing_keys(composed: DictConfig) -> list[str]:
-    """Return dotted names of open ``???`` values, without those of what refers to them."""
+    """Return dotted names of open ``???`` values, without interpolations that refer to them."""
     values: Any = OmegaConf.to_container(composed, resolve=False)
     return sorted(key for key, value in flatten(values).items() if value == MISSING)
 

@@ -24,7 +24,7 @@ class SyntheticConfig:
 
 @section
 class Folding:
-    """How recordings are divided into folds, and which of them are trained on."""
+    """The division of recordings into folds, and the folds that are trained and tested on."""
 
     folds: Annotated[
         int,

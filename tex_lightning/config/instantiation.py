@@ -113,7 +113,7 @@ def call(where: str, factory: Any, *arguments: object) -> Any:  # noqa: ANN401
 def _checked(
     where: str, called: Callable[..., Any], values: Mapping[str, Any]
 ) -> Mapping[str, Any]:
-    """Return values that are arguments of what is called, as it takes them.
+    """Return the values that are arguments of a callable, converted to its types.
 
     Those of a dataclass become what its fields are, where that changes nothing: a number in quotes
     is a number, and a number is text.

@@ -27,7 +27,7 @@ def arguments(node: Node) -> dict[str, Any]:
 
 
 def node_complaints(where: str, node: Node) -> Iterator[str]:
-    """Yield what is wrong with a node, as far as the source of its class says it."""
+    """Yield the errors of a node, as far as the source of its class tells them."""
     signature = read_signature(node[TARGET]) if is_node(node) else None
     if signature is not None:
         yield from strangers(where, signature, arguments(node))

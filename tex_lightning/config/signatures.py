@@ -127,7 +127,7 @@ def signature_of(called: Callable[..., Any] | Signature) -> Signature:
 
 
 def _wanted(value: Any, hint: Any) -> Iterator[str]:  # noqa: ANN401
-    """Yield what a value should have been, if it is something else."""
+    """Yield a description of the expected value, if a value does not fit."""
     kind, inner = get_origin(hint) or hint, get_args(hint)
     plain: bool = isinstance(value, PLAIN)  # else it was made already
     if not plain or (isinstance(value, Mapping) and TARGET in value):

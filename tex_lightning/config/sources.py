@@ -50,7 +50,7 @@ class Other(metaclass=_AnyClass):
 
 
 class _Module(dict[str, Any]):
-    """The names of a module by its syntax, evaluated when they are looked up."""
+    """The names that a module defines, evaluated from its syntax on access."""
 
     def __init__(self, name: str, path: Path) -> None:
         super().__init__({each: getattr(builtins, each) for each in TYPES})

@@ -30,7 +30,7 @@ MAX_PAIRS = 1_000_000  # of fragments that FusionNet votes over
 
 @section
 class DecisionConfig:
-    """How fragments become one label; null takes what the checkpoint says."""
+    """The decision on a sample; null takes the setting of the checkpoint."""
 
     name: Annotated[
         str,
@@ -85,7 +85,7 @@ class TrainerConfig:
 
 @section
 class EngineConfig:
-    """How a trained network is run in testing and prediction; its weights do not change."""
+    """The accelerated copy of a network for tests and predictions."""
 
     fast: Annotated[
         bool, "fold batch normalisation, store channels innermost, compute within the cache"

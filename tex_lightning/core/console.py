@@ -157,7 +157,7 @@ class ConsoleHandler(logging.Handler):
 
 @contextmanager
 def messages() -> Iterator[None]:
-    """Print what ``verbose`` lets, for a program in Python: nothing at all if it is ``QUIET``.
+    """Print messages of a program in Python, as far as ``verbose`` allows; ``QUIET`` prints none.
 
     A program that configured logging gets the messages as it wants them.
     """

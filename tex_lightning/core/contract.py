@@ -92,7 +92,7 @@ def _innermost(error: Exception) -> Exception:
 
 
 def resolve(key: str, target: str) -> Any:  # noqa: ANN401
-    """Return what a dotted path names; what its module raises keeps its traceback.
+    """Return the object of a dotted path; exceptions of its module keep their traceback.
 
     Args:
         key: Key that names the class.

@@ -206,7 +206,7 @@ def computing_threads(count: int | None = None) -> Iterator[None]:
 def in_threads(
     work: Callable[[Item], Result], items: Iterable[Item], title: str, threads: int | None = None
 ) -> list[Result]:
-    """Do work on all items behind a bar, on so many threads or one for each core.
+    """Call a function on all items in threads, behind a progress bar.
 
     PyTorch and OpenCV start none of their own. After Ctrl-C only what has begun is ended.
     """

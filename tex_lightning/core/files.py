@@ -22,7 +22,7 @@ LARGEST_JSON = 64 << 20  # bytes; in memory it is many times as large
 
 
 def resolved(path: Path) -> Path:
-    """Return the path without links, or as it stands if links go in a circle or it is no path."""
+    """Return the path without links; unchanged if links are circular or it is no path."""
     try:
         return path.resolve()
     except (OSError, RuntimeError, ValueError):
@@ -109,7 +109,7 @@ def unwritable(path: str | Path, error: OSError) -> UserError:
 
 @contextmanager
 def partial_path(target: Path, *, folder: bool = False) -> Iterator[Path]:
-    """Yield a hidden path beside ``target``, to fill and move there; what is left of it is deleted.
+    """Yield a hidden path beside ``target``, to write and then rename; leftovers are deleted.
 
     A process that is killed leaves it, and nothing reads it.
     """

@@ -86,7 +86,7 @@ class NotebookLine:
 
     @classmethod
     def is_possible(cls) -> bool:
-        """Return whether this is a notebook, and progress is asked for."""
+        """Return whether this is a notebook in which progress is shown."""
         return console.is_jupyter and not console.quiet and Screen.verbose > QUIET
 
     @classmethod
@@ -134,7 +134,7 @@ def _log_progress() -> None:
 
 
 def track(items: Iterable[Item], title: str | Callable[[Item], str]) -> Iterator[Item]:
-    """Yield items behind a bar that says what they are, or the name of each."""
+    """Yield items behind a progress bar with a name for them, or for each."""
     total = len(items) if isinstance(items, Sized) else None
     with Stage(title if isinstance(title, str) else "", total) as level:
         for number, item in enumerate(items):

@@ -162,7 +162,7 @@ def _with_pretrained(task: str, data: DataConfig, model: ModelConfig, job: Job) 
 
 
 def weights_are_installed() -> bool:
-    """Return whether the package with the weights of the default trunk is there."""
+    """Return whether the package with weights of the default trunk is installed."""
     return find_spec(EfficientNetLite0.imagenet_package) is not None
 
 

@@ -42,7 +42,7 @@ QUANTILES = (0.01, 0.99)  # of the training recordings, so that a few odd ones d
 
 
 class Finding(NamedTuple):
-    """What is suspected: a kind in one or two words, a sentence, and the files."""
+    """A suspicion: its kind in one or two words, a sentence, and the files."""
 
     kind: str
     text: str

@@ -286,7 +286,7 @@ def read_manifest(path: Path) -> Recordings:
 
 
 def _fixed_folds(told: Mapping[str, str]) -> tuple[list[int | None], tuple[str, ...]]:
-    """Return the fold of every line of a manifest, and a note where they are numbered anew.
+    """Return the fold of every line of a manifest, and a note if they are renumbered.
 
     Args:
         told: By line the cell of the column ``fold``, empty where there is none.

@@ -69,7 +69,7 @@ def pool_unknown(
 
 
 def unknown_entry(tested: Sequence[Tested], rate: float | None) -> dict[str, Any]:
-    """Return what ``results.json`` says of samples of classes never seen.
+    """Return the entry of ``results.json`` for samples of held-out classes.
 
     Returns:
         Under ``unknown``: ``classes`` never seen and their ``samples``; ``auroc``, the chance that

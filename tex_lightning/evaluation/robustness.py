@@ -45,7 +45,7 @@ class StabilityRow(NamedTuple):
 
 
 class Failure(NamedTuple):
-    """Where one system fails under one perturbation.
+    """The failure of one system under one perturbation.
 
     Attributes:
         clean: The trial of severity 0.

@@ -267,7 +267,7 @@ class ClassifierGraph(nn.Module):
         return embedding
 
     def _partial_logits(self, name: str, place: int, positions: Tensor) -> Tensor:
-        """Return scores (classes, positions) of a sense, or what it adds to those of all."""
+        """Return the partial logits (classes, positions) of a sense."""
         scored = self.scored[name]
         features = class_scores(self.networks[name], positions) if scored else positions
         if not self.fused:

@@ -17,17 +17,17 @@ log = logging.getLogger(__name__)
 class Prediction:
     """The prediction for a sample, or for a recording so far.
 
-    If an input has a warning, half of the votes and probabilities is spread evenly over the
-    classes, or all of it if nothing was measured: the training has no such inputs.
+    If an input has a warning, the training had no such inputs: half of the votes and probabilities
+    is then spread evenly over the classes, or all of them if nothing was measured.
 
     Attributes:
         label: Name of the class, or ``unknown``; None if there is no fragment yet.
         rejected: Whether the novelty is above its threshold; None without ``decision.unknown``.
         probability: Mean probability of the label over all fragments, 0 to 1.
-        confidence: What decided for the label, 0 to 1: its share of the fragment votes, or by the
+        confidence: Confidence in the label, 0 to 1: its share of the fragment votes, or with the
             rules ``mean`` and ``score`` its probability.
-        top_k: ``label`` and ``share`` of the best classes, the label first and the others by what
-            decides: ``share`` is their confidence.
+        top_k: ``label`` and ``share`` of the best classes, the label first; ``share`` is the
+            confidence in each.
         fragments: Number of fragments.
         relative_macs: Computed MACs as a share of those of the full decision.
         warnings: Faults of the input, one sentence each.

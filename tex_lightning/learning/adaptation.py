@@ -41,7 +41,7 @@ PARTS = 3  # of the recordings, each of which is left out of a fit once
 
 
 class Adaptation(NamedTuple):
-    """What became of a classifier.
+    """The result of an adaptation.
 
     Attributes:
         classifier: The new one, on the CPU; the given one if nothing was done.
@@ -148,7 +148,7 @@ def check_adaptable(classifier: SurfaceClassifier) -> None:
 
 
 class _Lesson(NamedTuple):
-    """What recordings have taught a network.
+    """Recordings that a network is fitted to, with the labels that it gave them.
 
     Attributes:
         network: Fitted to them, too.

@@ -299,7 +299,7 @@ def accuracy(classes: int) -> MulticlassAccuracy:
 
 
 def training_layout(classifier: nn.Module) -> torch.memory_format:
-    """Return the layout to train networks in: channels last, the faster one, if they are built in.
+    """Return the memory layout for training: channels last, which is faster, for built-in networks.
 
     In it oneDNN of PyTorch 2.13 ends the process in the gradient of a convolution of kernel 1 and
     stride 2 on eight channels, which no network of this package has.

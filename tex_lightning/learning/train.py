@@ -53,8 +53,6 @@ from tex_lightning.learning.trainer import (
 )
 from tex_lightning.learning.training_check import check_fitted_baseline
 
-__all__ = ["Training", "checkpoint_of", "train_networks"]
-
 log = logging.getLogger(__name__)
 
 

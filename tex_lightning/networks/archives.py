@@ -88,7 +88,7 @@ class SizeLimit(TorchFunctionMode):
         args: Sequence[Any] = (),
         kwargs: Mapping[str, Any] | None = None,
     ) -> Any:  # noqa: ANN401
-        """Count what is asked for; layers take their weights by ``torch.empty``."""
+        """Count the memory that layers request; they allocate weights by ``torch.empty``."""
         named = kwargs or {}
         if func in LENGTHS or func in TENSORS:
             if func in LENGTHS:

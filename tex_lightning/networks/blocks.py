@@ -144,7 +144,7 @@ def conv_block(
 
 
 class ResponseNorm(nn.LocalResponseNorm):
-    """PyTorch's, whose gradient is the same each time where that is asked for.
+    """PyTorch's local response normalisation, with a gradient that is deterministic on request.
 
     On a GPU that of PyTorch's average over channels depends on the order of its additions.
     """

@@ -103,7 +103,7 @@ def layer_geometry(
 
 
 def declared_size(network: nn.Module, name: str) -> tuple[int, int] | None:
-    """Return the height and width that an attribute of a network says, if it is a size."""
+    """Return the height and width that an attribute of a network declares; None if it has none."""
     size = getattr(network, name, None)
     if not isinstance(size, Sequence) or [type(side) for side in size] != [int, int]:
         return None

@@ -27,7 +27,7 @@ Description = dict[str, Any]
 
 
 def data_tables(directory: Path) -> list[Table]:
-    """Return what a run folder knows of its data: sizes, classes, what was left out or is odd."""
+    """Return the tables of the data of a run: sizes, classes, skipped files and notes."""
     told = read_or_empty(directory / FILE)
     if not told:
         return []

@@ -65,7 +65,7 @@ def keep_samples(
 
 
 def _kept(home: Path, name: str, shown: ShownSample, sample: Sample) -> Kept:
-    """Write the files of one sample and return what is told of it."""
+    """Write the pictures and sounds of one sample, and return its entry."""
     outcome, known = shown.outcome, shown.outcome.class_probabilities
     conditions = {k: v for row in sample.recordings.values() for k, v in row.conditions}
     facts = {
@@ -108,7 +108,7 @@ def _sense(home: Path, name: str, shown: ShownSense) -> dict[str, str]:
 
 
 def error_cards(directory: Path) -> dict[str, Any]:
-    """Return what the page of a run says of wrong samples; empty without any.
+    """Return the misclassified samples for the page of a run; empty without any.
 
     Returns:
         ``cards`` of all wrong samples, each with the other networks that were ``right``; ``pairs``

@@ -345,7 +345,7 @@ def _date(directory: Path) -> str:
 
 
 def _own_tables(results: Mapping[str, Any]) -> list[Table]:
-    """Return the table of what fails first, or that of accuracy by condition, if there is one."""
+    """Return the table of first failures, or that of accuracy by condition, if there is one."""
     if "failures" in results:
         from tex_lightning.report.stability_charts import failure_table  # Matplotlib is slow
 

@@ -40,7 +40,7 @@ T = TypeVar("T")
 
 
 class Look(NamedTuple):
-    """Colour of a system as ``#rrggbb``, and a marker that is told apart without it."""
+    """Colour of a system as ``#rrggbb``, and a marker that distinguishes it without colour."""
 
     colour: str
     marker: str

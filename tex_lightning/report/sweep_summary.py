@@ -93,7 +93,7 @@ def _print(table: Table, rows: Sequence[TrialRow], directory: Path) -> None:
 
 
 class Point(NamedTuple):
-    """What one value of a key gave: a figure with the ends of its interval."""
+    """The figure of one value of a key, with the ends of its interval."""
 
     value: str
     figure: float
@@ -126,7 +126,7 @@ def _column(searched: bool) -> str:
 
 
 def _asked(rows: Iterable[TrialRow]) -> list[TrialRow]:
-    """Return the last network of each job, the one that was asked for, and what sums it up."""
+    """Return the last network of each job, which is the requested model."""
     asked = {(row[JOB], *row["overrides"]): row for row in rows}
     return [*asked.values()]
 

@@ -81,7 +81,7 @@ def _of_job(job: Path) -> list[TrialRow]:
 
 
 def _mark_best(rows: Sequence[TrialRow]) -> None:
-    """Mark the job whose last network, the one that was asked for, has the least loss."""
+    """Mark the job whose requested model has the smallest loss."""
     asked = {row[JOB]: row for row in rows}.values()
     known = [row for row in asked if row.get(LOSS) is not None]
     if known:
@@ -179,7 +179,7 @@ def short_names(keys: Sequence[str]) -> dict[str, str]:
 
 
 def sweep_table(rows: Sequence[TrialRow], *, searched: bool) -> Table:
-    """Return the table for people: what was swept first, then what came out."""
+    """Return the table of a sweep for readers: swept keys first, then results."""
     keys = swept_keys(rows)
     names = short_names(keys)
     lines = [

@@ -31,14 +31,14 @@ SHOWN = 3  # parts that lack classes
 
 @dataclass(frozen=True)
 class Dataset:
-    """Recordings of one task, decoded.
+    """The decoded recordings of one task.
 
     Attributes:
         classes: Class names in natural order.
         recordings: Recordings of the modalities that the model needs.
         unknown: Recordings of held-out classes, used only in their own test.
         store: Decoded files.
-        skipped: Files that are left out since they cannot be used (``data.skip_bad``).
+        skipped: Recordings that are left out since they cannot be used (``data.skip_bad``).
         condition_bins: Bins of conditions with many values, see
             :func:`~tex_lightning.evaluation.conditions.condition_bins`.
     """
@@ -54,21 +54,21 @@ class Dataset:
     def decode(
         cls, recordings: Recordings, unknown: Recordings, store: Store, classes: list[str]
     ) -> "Dataset":
-        """Fill the store; what cannot be decoded is left out."""
+        """Decode all recordings, and leave out those that cannot be decoded."""
         damaged = store.fill([*recordings, *unknown])
         bad = [unusable.recording for unusable in damaged]
         known, held = recordings.without(bad), unknown.without(bad)
         return cls(classes, known, held, store, tuple(damaged))
 
     def usable(self, senses: Iterable[Sense], *, skip_bad: bool) -> "Dataset":
-        """Drop the recordings that give no fragment as well.
+        """Leave out the recordings that are too small for a fragment.
 
         Args:
-            senses: Senses that read them.
-            skip_bad: Whether the task goes on without the files left out (``data.skip_bad``).
+            senses: Senses that read the recordings.
+            skip_bad: Whether the task goes on without the recordings that were left out.
 
         Raises:
-            UserError: Listing them, unless the task goes on.
+            UserError: Listing these recordings, unless the task goes on.
         """
         rows = Recordings((*self.recordings, *self.unknown))
         pairs = [(row, sense) for sense in senses for row in rows.of(sense.modality)]
@@ -90,7 +90,7 @@ class Dataset:
         return replace(self, recordings=known, unknown=held, skipped=skipped)
 
     def too_small(self, row: Recording, sense: Sense) -> Unusable | None:
-        """Return why a recording gives a sense no fragment; None if it gives one."""
+        """Return a recording that is too small for a sense, with the reason; else None."""
         try:
             sense.check(self.store.load(row))
         except UserError as error:
@@ -98,7 +98,7 @@ class Dataset:
         return None
 
     def _assumed(self, row: Recording) -> str:
-        """Say of a signal whose rate nobody has given that its length depends on it."""
+        """Return a note for a signal whose rate, and so its length, is only assumed."""
         if not isinstance(self.store.decoders[row.modality], SignalDecoder):
             return ""
         if not self.store.reading(row).rate_from.startswith(ASSUMED):
@@ -109,7 +109,7 @@ class Dataset:
         )
 
     def absences(self, divisions: Iterable[Folding]) -> list[str]:
-        """Say in a sentence which parts are tested, or chosen on, without all classes.
+        """Return a sentence that names test and validation parts without some classes, if any.
 
         Args:
             divisions: Division of each training.
@@ -163,7 +163,7 @@ def open_dataset(data: DataConfig, senses: Sequence[Sense]) -> Dataset:
 
 
 def _where_to(data: DataConfig, modalities: Sequence[str]) -> str:
-    """Say where a folder has the recordings of modalities."""
+    """Return the folders in which recordings of some modalities are expected."""
     if data.root is None:
         return ""
     return f" ({' and '.join(f'{data.root}/CLASS/{name}' for name in modalities)})"
@@ -172,7 +172,7 @@ def _where_to(data: DataConfig, modalities: Sequence[str]) -> str:
 def open_test_data(
     data: DataConfig, classifier: SurfaceClassifier, who: str, *, choose: bool = False
 ) -> tuple[Dataset, DataConfig]:
-    """Read what a checkpoint is tested on, decoded as the checkpoint says.
+    """Open the data set that a checkpoint is tested on.
 
     Only ``data.file_rate`` belongs to the files themselves and counts if it is given.
 
@@ -180,8 +180,8 @@ def open_test_data(
         data: Where recordings come from, and what of them is tested.
         classifier: Tested classifier.
         who: Name of the classifier in messages.
-        choose: Whether nobody has said which fold is tested: of the data that it was trained on
-            that which its training left out, of all others everything.
+        choose: Whether to choose the tested part: the fold that the training left out, or all of a
+            data set that it was not trained on.
 
     Returns:
         The test recordings, and the division that they are the test part of.
@@ -246,7 +246,7 @@ def decode_for(
 
 
 def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordings, Recordings]:
-    """Divide recordings into those of known classes and those of the classes named.
+    """Divide recordings into those of known classes and those of held-out classes.
 
     Raises:
         UserError: If there is no such class.

@@ -128,7 +128,7 @@ def show_opening(
     trains: Iterable[Folding] = (),
     keep_in: Path | None = None,
 ) -> Description:
-    """Warn of what was passed over or looks wrong; print the data and what is done with it.
+    """Log the notes on the data, and print their description.
 
     Args:
         data: Where the recordings come from.

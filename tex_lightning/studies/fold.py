@@ -36,7 +36,7 @@ log = logging.getLogger(__name__)
 
 
 def open_training(config: Config, directory: Path) -> Dataset:
-    """Open the data set of a training, once what it will make is made for a trial.
+    """Check what a training is made of, and open its data set.
 
     Args:
         config: Where recordings come from, and the networks to train on them.
@@ -54,8 +54,8 @@ def open_training(config: Config, directory: Path) -> Dataset:
     return dataset.usable(senses, skip_bad=config.data.skip_bad)
 
 
-def open_announced(config: Config, directory: Path, trains: Iterable[Folding]) -> Dataset:
-    """Open the data set of one or several trainings, each with its division, and show it."""
+def open_and_show(config: Config, directory: Path, trains: Iterable[Folding]) -> Dataset:
+    """Open the data set of one or several trainings, and print its description."""
     dataset, model = open_training(config, directory), config.model
     parts = "" if model.baseline or model.kind != FUSION else f": {', '.join(model.trained)}"
     keep = directory if is_rank_zero() else None
@@ -78,7 +78,7 @@ def chosen_folds(count: int, only: list[int] | None) -> list[int]:
 def training_results(
     config: Config, dataset: Dataset, networks: dict[str, Any], seconds: float
 ) -> dict[str, Any]:
-    """Return ``results.json`` of a training, with the sources of networks' and trunks' weights."""
+    """Return ``results.json`` of a training, with the sources of first weights."""
     model, begun = config.model, {**config.sources, **config.model.checkpoints}
     weights = {name: begun.get(name, RANDOM) for name in model.senses}
     frame = results_frame(
@@ -96,12 +96,20 @@ def finished_fold(home: Path) -> dict[str, Any] | None:
     return read_record(home / "results.json")
 
 
-def run_fold(config: Config, dataset: Dataset, home: Path, **options: Any) -> dict[str, Any]:  # noqa: ANN401
-    """Train and test on one fold of several; write its ``results.json`` and return it.
+def run_fold(
+    config: Config,
+    dataset: Dataset,
+    home: Path,
+    *,
+    begin: float | None = None,
+    **options: Any,  # noqa: ANN401
+) -> dict[str, Any]:
+    """Train and test on one fold; write its ``results.json`` and return it.
 
-    Arguments are those of :func:`fit_fold`; a process that is not rank zero has no results.
+    ``wall_seconds`` count from ``begin``, by default now. The other arguments are those of
+    :func:`fit_fold`. A process that is not rank zero has no results.
     """
-    begin = time.perf_counter()
+    begin = time.perf_counter() if begin is None else begin
     networks = fit_fold(config, dataset, home, **options)
     if not is_rank_zero():
         return {}
@@ -111,7 +119,7 @@ def run_fold(config: Config, dataset: Dataset, home: Path, **options: Any) -> di
 
 
 def train_model(config: Config, dataset: Dataset, directory: Path) -> SurfaceClassifier:
-    """Train a model, and of a FusionNet its networks first, without testing any.
+    """Train a model without testing it; FusionNet is preceded by its networks.
 
     Args:
         config: The model, and the division of the recordings; ``logger={}`` writes no metrics.
@@ -144,10 +152,10 @@ def fit_fold(
         config: The model, and the fold.
         dataset: Recordings to train and test on.
         directory: Folder of checkpoints and predictions.
-        draw: Whether figures are drawn; of several folds they are drawn of all together.
-        test_parts: Whether the networks that a FusionNet consists of are tested, too.
-        networks_in: Folder in which systems of a family find networks that they have in common.
-        crossvalidated: By network what a cross-validation of the same gave, for its card.
+        draw: Whether figures are drawn; a cross-validation draws those of all folds together.
+        test_parts: Whether the networks of a FusionNet are tested as well.
+        networks_in: Folder with networks that several systems of a family have in common.
+        crossvalidated: By network the result of a cross-validation, for its card.
 
     Returns:
         By network its entry of ``results.json``.

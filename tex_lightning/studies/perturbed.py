@@ -1,7 +1,7 @@
 """Test systems on perturbed recordings, for ``task=stability``.
 
-A recording is perturbed once for all systems. Every sense computes its scores of a recording once,
-however many samples it is part of.
+A recording is perturbed once for all systems. Each sense computes the scores of a recording once,
+even if several samples contain it.
 """
 
 import os
@@ -47,11 +47,11 @@ Labels = list[int | None]  # class index of each sample; None for an unusable sa
 
 
 class PerturbedDataset:
-    """Recordings of one modality, decoded in one way, as they are and perturbed.
+    """Recordings of one modality by one decoder, clean and perturbed.
 
-    Everything random depends on the seed, the perturbation and the content of the file alone, so
-    that every system and every severity meets the same chances. The perturbed recordings of the
-    latest perturbation and severity are kept.
+    Random numbers depend only on the seed, the perturbation and the content of the file, so that
+    they are the same for every system and severity. The perturbed recordings of the latest
+    perturbation and severity are kept.
 
     Args:
         rate: Sampling rate of signals in Hz; 0 for photos.
@@ -147,13 +147,13 @@ class SystemFold:
 
 @dataclass
 class PerturbedSystem:
-    """One named line of every table: a checkpoint, or one for each fold that is tested.
+    """A system that is tested: a checkpoint, or one for each tested fold.
 
     Attributes:
-        name: Unlike those of the other systems.
-        kind: The sense that it reads, or ``fusion`` of several.
+        name: Unique name of the system.
+        kind: Name of its sense, or ``fusion``.
         folds: Tested folds.
-        label: Name for readers, unlike those of the others, too.
+        label: Unique name for readers.
     """
 
     name: str
@@ -180,7 +180,7 @@ class PerturbedSystem:
         return [label for fold in self.folds for label in fold.labels(perturbation, severity)]
 
     def meets(self, perturbation: Perturbation) -> bool:
-        """Return whether the system reads what the perturbation changes."""
+        """Return whether the system uses the modality of the perturbation."""
         return perturbation.modality in self.folds[0].classifier.card.modalities
 
 
@@ -248,7 +248,7 @@ def _short_paths(paths: Sequence[Path]) -> list[str]:
 def choose_perturbations(
     systems: Sequence[PerturbedSystem], settings: StabilityConfig
 ) -> list[Perturbation]:
-    """Choose the perturbations asked for that some system meets; try those of the user.
+    """Return the requested perturbations of the systems' modalities, after a try of a user's.
 
     Raises:
         UserError: If a name is unknown, no system meets any, or a table cannot be used.
@@ -303,7 +303,7 @@ def _checkpoints(path: Path) -> dict[str, list[TestedCheckpoint]]:
 
 
 def _load(config: Config, path: Path, fold: int | None, datasets: Datasets) -> SystemFold:
-    """Return one checkpoint and its test samples, whose recordings join those decoded alike."""
+    """Load a checkpoint and its test samples, and add the recordings to the data sets."""
     loaded = load_classifier(path)
     data = config.data if fold is None else config.on_fold(fold).data
     dataset, _ = open_test_data(data, loaded, f"Checkpoint {path}")

@@ -31,7 +31,7 @@ def write_folder(
     root: Path,
     modalities: Sequence[str] = ("haptic", "image"),
 ) -> None:
-    """Write ``CLASS/haptic/NN.npy``, ``CLASS/image/NN.jpg`` and, if asked, ``CLASS/sound/NN.flac``.
+    """Write a data set as ``CLASS/haptic/NN.npy``, ``CLASS/image/NN.jpg``, ``CLASS/sound/NN.flac``.
 
     Traces are float32, shape (3, T), in g at 10 kHz. Sounds are 16 bit at 44.1 kHz, each of the
     stroke that the trace of the same number was felt in. The first half of the photos is taken in

@@ -43,7 +43,7 @@ from tex_lightning.studies.fold import (
     chosen_folds,
     finished_fold,
     fit_fold,
-    open_announced,
+    open_and_show,
     run_fold,
     training_results,
 )
@@ -55,7 +55,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     chosen = chosen_folds(config.data.folds, config.crossval.only)
     whole = replace(config, data=replace(config.data, test_fold=None))
     divisions = [config.on_fold(fold).data for fold in chosen] + [whole.data] * refits
-    dataset = open_announced(config, job.directory, divisions)
+    dataset = open_and_show(config, job.directory, divisions)
     for division in divisions:  # before time is spent on the first
         dataset.parts(division)
     folds: dict[Path, dict[str, Any]] = {}

@@ -7,10 +7,8 @@ from typing import Any
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.files import read_record
-from tex_lightning.core.ranks import is_rank_zero
-from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.report.table import print_results
-from tex_lightning.studies.fold import fit_fold, open_announced, training_results
+from tex_lightning.studies.fold import open_and_show, run_fold
 
 log = logging.getLogger(__name__)
 
@@ -24,11 +22,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         results = read_record(done)
         print_results(results, directory)
         return results
-    dataset = open_announced(config, directory, [config.data])
-    networks = fit_fold(config, dataset, directory, draw=True)
-    if not is_rank_zero():
-        return {}
-    results = training_results(config, dataset, networks, time.perf_counter() - begin)
-    write_results(done, results)
-    print_results(results, directory)
+    dataset = open_and_show(config, directory, [config.data])
+    results = run_fold(config, dataset, directory, begin=begin, draw=True)
+    if results:
+        print_results(results, directory)
     return results

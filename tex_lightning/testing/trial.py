@@ -47,7 +47,7 @@ def parameters_of(called: Callable[..., Any]) -> dict[str, inspect.Parameter]:
 
 @dataclass(frozen=True)
 class Trial:
-    """What a part is tried with.
+    """Recordings and classifiers with which a part is tried.
 
     The fields are arguments of :func:`~tex_lightning.testing.check_part`.
     """

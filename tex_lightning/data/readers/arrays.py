@@ -125,7 +125,7 @@ def write_samples(
 def write_sample(
     sample: Sample, label: str, group: int | str, folder: Path, number: int
 ) -> Iterator[Recording]:
-    """Yield the recordings of one sample, those that are arrays once they are files of a folder.
+    """Yield the recordings of one sample; arrays are written to files of a folder first.
 
     Args:
         sample: See :func:`write_samples`.

@@ -97,7 +97,7 @@ def read_folder(root: Path) -> Recordings:
 
 
 def _nothing_in(root: Path, others: Sequence[Path]) -> str:
-    """Say that a folder holds no recordings, what lies there, and what makes them of it."""
+    """Return the error for a folder without recordings: its files, and how to convert them."""
     flat = [path for path in sorted(root.glob("[!.]*"))
             if path.is_file() and path.name not in SYSTEMS]  # fmt: skip
     names = {path.name.casefold() for path in flat}

@@ -93,7 +93,7 @@ def _compiled(pattern: str) -> re.Pattern[str]:
 
 
 def _recording(path: Path, name: str, told: dict[str, str]) -> Recording:
-    """Make the recording of a file; what is wrong with it is said when the manifest is read."""
+    """Make the recording of a file; its values are checked when the manifest is read."""
     photo = path.suffix.lower() in IMAGE_SUFFIXES
     group = told.get(GROUP, name.removesuffix(path.suffix))
     try:
