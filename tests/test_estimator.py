@@ -113,6 +113,7 @@ def forms(x: np.ndarray) -> dict[str, object]:
         "by name": {"haptic": [*x]},
         "a sample each": [{"haptic": row} for row in x],
         "pandas": pd.DataFrame({"haptic": [*x]}),
+        "a column of pandas": pd.Series([*x], index=range(5, 5 + len(x))),
         "an array of objects": np.array([*x, None], dtype=object)[:-1],
         "a table of numbers": pd.DataFrame(x),
     }
@@ -230,6 +231,13 @@ def test_what_is_wrong_is_one_sentence_and_a_value_error(fitted, strokes):
         clone(fitted).fit(np.zeros((12, 32, 32, 3)), y)
     with pytest.raises(ValueError, match="give a list, of one path"):
         fitted.predict("A.wav")
+    with pytest.raises(ValueError, match="takes haptic, not file"):
+        fitted.predict(pd.DataFrame({"file": ["A.wav"]}))
+    with pytest.raises(ValueError, match=r"There is no label"):
+        clone(fitted).fit(x[:0], y[:0])
+    for missing in (None, np.nan, pd.NA):
+        with pytest.raises(ValueError, match=r"groups holds .* for sample 1"):
+            clone(fitted).fit(x, y, groups=[0, missing, *range(10)])
     with pytest.raises(ValueError, match="takes haptic and image; give them by name"):
         tl.Estimator("fusion", debug="tiny").fit(x, y)
 

@@ -69,10 +69,11 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
     """A model of this package as a classifier of scikit-learn.
 
     ``X`` holds recordings: an array (recordings, samples) or (recordings, axes, samples), or a list
-    of (samples,) or (axes, samples) of any lengths, of pairs of these and their rate in Hz, of
-    paths, or of photos (height, width, 3) uint8. Of several modalities it is ``{"haptic": […],
-    "image": […]}``, a list of such dictionaries, one for each sample, or a table of pandas with a
-    column for each; these two can be divided by scikit-learn. At least two classes are needed.
+    (or column of pandas) of (samples,) or (axes, samples) of any lengths, of pairs of these and
+    their rate in Hz, of paths, or of photos (height, width, 3) uint8. Of several modalities it is
+    ``{"haptic": […], "image": […]}``, a list of such dictionaries, one for each sample, or a table
+    of pandas with a column for each; these two can be divided by scikit-learn. At least two classes
+    are needed.
 
     Args:
         model: A preset (``few/haptic``, an ``experiment``) or a model (``haptic``) by its name.
@@ -425,9 +426,9 @@ def _labels(y: Any, least: int = 2) -> tuple[Array, list[str]]:  # noqa: ANN401
     labels = column_or_1d(y, warn=True)
     classes = np.unique(labels)
     if len(classes) < least:
+        found = f"There is only one class ({classes[0]})" if len(classes) else "There is no label"
         raise InvalidInput(
-            f"There is only one class ({listed([*map(str, classes)])}), and telling classes apart "
-            "takes two; give recordings of another."
+            f"{found}, and telling classes apart takes two; give recordings of another."
         )
     if len(_by_name(classes)) < len(classes):
         raise InvalidInput(
@@ -443,4 +444,11 @@ def _by_name(classes: Array) -> dict[str, Any]:
 
 def _groups(groups: Any, count: int) -> list[str]:  # noqa: ANN401
     check_consistent_length(groups, range(count))
-    return [str(group) for group in np.asarray(groups).tolist()]
+    known = np.asarray(groups).tolist()
+    for number, group in enumerate(known):
+        if group is None or (group != group) is not False:  # NaN, and NA of pandas
+            raise InvalidInput(
+                f"groups holds {group} for sample {number}; give every sample a group, those that "
+                "stand alone one of their own."
+            )
+    return [*map(str, known)]

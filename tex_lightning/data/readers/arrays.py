@@ -35,12 +35,17 @@ def is_table(given: Any, modalities: Sequence[str]) -> bool:  # noqa: ANN401
     if isinstance(given, Mapping):
         return False
     if hasattr(given, "columns"):
-        return not {*map(str, given.columns)} <= {*modalities}
-    if isinstance(given, np.ndarray):
-        return given.ndim != 1 or given.dtype.kind not in "OUS"
+        named = {*map(str, given.columns)} <= {*modalities}
+        return not named and (given.size == 0 or _is_number(given.to_numpy()[0, 0]))
+    if isinstance(kind := getattr(getattr(given, "dtype", None), "kind", None), str):
+        return given.ndim != 1 or kind not in "OUS"  # an array, or a column of pandas
     if isinstance(given, Sequence) and not isinstance(given, str):
-        return not given or (np.isscalar(given[0]) and not isinstance(given[0], str))
+        return not given or _is_number(given[0])
     return not isinstance(given, Iterable) or hasattr(given, "__array__")
+
+
+def _is_number(given: Any) -> bool:  # noqa: ANN401
+    return np.isscalar(given) and not isinstance(given, str)
 
 
 def samples_of(given: Any, modalities: Sequence[str]) -> list[Sample]:  # noqa: ANN401
@@ -48,15 +53,15 @@ def samples_of(given: Any, modalities: Sequence[str]) -> list[Sample]:  # noqa: 
 
     Args:
         given: Recordings of the only modality: an array (samples, time), (samples, axes, time) or
-            (samples, height, width, 3), or a sequence of arrays, paths and pairs of samples and
-            their rate in Hz. Of several modalities a dictionary of such, one dictionary for each
-            sample, or a table of pandas with a column for each modality.
+            (samples, height, width, 3), or a sequence (or column of pandas) of arrays, paths and
+            pairs of samples and their rate in Hz. Of several modalities a dictionary of such, one
+            dictionary for each sample, or a table of pandas with a column for each modality.
         modalities: Modalities that the model takes.
 
     Raises:
         UserError: If the recordings are of other modalities, or not as many of each.
     """
-    if hasattr(given, "columns") and {*map(str, given.columns)} <= {*modalities}:
+    if hasattr(given, "columns"):
         given = {str(name): given[name].tolist() for name in given.columns}
     if isinstance(given, str | Path):
         raise UserError(f"X is {shorten(given)}; give a list, of one path if there is one.")
