@@ -42,10 +42,12 @@ from tex_lightning.core.files import UNWRITABLE, unwritable
 from tex_lightning.core.progress import finishing
 from tex_lightning.core.ranks import is_rank_zero, joining, requeueing, started_processes
 from tex_lightning.core.run_folder import (
+    FAILURE,
     claim_folder,
     find_checkpoint,
     holds_work,
     locked_folder,
+    note_failure,
     remove_if_empty,
 )
 from tex_lightning.errors import UserError, reason, shorten
@@ -188,9 +190,9 @@ def main() -> int:
     except Exception as error:
         if mistake := to_user_error(error, began=bool(STARTED)):
             return complain(mistake)
-        if (said := fault_of(error)) is None:
+        if (fault := fault_of(error)) is None:
             raise
-        complain(said)
+        complain(fault)
         if is_rank_zero():
             error.__notes__.clear()
             traceback.print_exception(error)
@@ -242,8 +244,6 @@ def run_job(composed: DictConfig) -> float | None:
     Returns:
         The objective that a search minimises; None for a job that failed or trains nothing.
     """
-    from tex_lightning.report.sweep import FAILURE, note_failure
-
     job = current_job()
     swept = job.origin == "sweep"
     if swept:
@@ -265,8 +265,8 @@ def run_job(composed: DictConfig) -> float | None:
             raise SystemExit(complain(mistake)) from error
         if mistake is None:
             log.exception("This job of the sweep failed.")
-        said = mistake or fault_of(error) or f"{type(error).__name__}: {error}"
-        note_failure(job.directory, job.overrides, str(said))
+        message = mistake or fault_of(error) or f"{type(error).__name__}: {error}"
+        note_failure(job.directory, job.overrides, str(message))
         return None
 
 
@@ -280,13 +280,13 @@ def _check_search(composed: DictConfig, job: Job) -> None:
 
     validated = composed.task == "fit" and composed.data.val_fold is not None
     if is_search(job.hydra) and not validated:
-        said = (
+        message = (
             f"A search (hydra/sweeper={job.hydra.hydra.runtime.choices.get('hydra/sweeper')}) "
             "chooses settings by the loss on a validation fold, and this one has none: chosen on "
             "the test fold, its accuracy would be too high; give task=fit data.val_fold=1, and "
             "test the settings that are found on the other folds."
         )
-        raise SystemExit(complain(said))
+        raise SystemExit(complain(message))
 
 
 def run_task(composed: DictConfig, job: Job) -> float | None:

@@ -215,8 +215,8 @@ def _completed(sense: dict[str, Any], defaults: Mapping[str, Mapping[str, Any]])
     """Return the settings of a sense with the missing arguments of its features and network."""
     parts = {}
     for kind in ("features", "network"):
-        given = defaults.get(sense[kind][TARGET], {})
-        missing = {name: given[name] for name in given if name not in {*sense, *sense[kind]}}
+        values = defaults.get(sense[kind][TARGET], {})
+        missing = {name: values[name] for name in values if name not in {*sense, *sense[kind]}}
         parts[kind] = {**sense[kind], **missing}
     return {**sense, **parts}
 

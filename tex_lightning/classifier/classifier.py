@@ -474,10 +474,10 @@ def class_scores(
             number.
     """
     if isinstance(head := getattr(network, "head", None), Head):
-        given: list[Any] = [features[None, :, :, None]]
+        arguments: list[Any] = [features[None, :, :, None]]
         if whole is not None and isinstance(head.scores, LineOrPlanes):
-            given.append((whole[0][None, :, None], whole[1]))
-        scores: Tensor = head.scores(*given)
+            arguments.append((whole[0][None, :, None], whole[1]))
+        scores: Tensor = head.scores(*arguments)
         return scores[0, :, :, 0]
     layer: Any = score_layer_of(network)
     logits: Tensor = layer.weight.flatten(1) @ features + layer.bias[:, None]

@@ -4,7 +4,7 @@ import errno
 import json
 import logging
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 SETTINGS = "settings.json"
+FAILURE = "failure.json"  # in the folder of a job of a sweep that failed
 LOCK = ".lock"  # held by the process that runs there; one that is killed lets go of it
 NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
 USUAL = ("outputs", "TASK", "MODEL-DATA", "TIME")  # folders that a run makes if it is given none
@@ -154,6 +155,13 @@ def system_name(source: str | Path) -> str:
         return re.sub(r"[^\w.+-]+", "_", name)[:LONGEST] or "checkpoint"
     except (UserError, IndexError, KeyError, OSError):  # the task says what is wrong with it
         return "checkpoint"
+
+
+def note_failure(directory: Path, overrides: Sequence[str], reason: str) -> None:
+    """Log the reason of a failure, and write it into the folder of a job of a sweep."""
+    log.error("%s", reason)
+    text = json.dumps({"error": reason, "overrides": [*overrides]}, indent=1)
+    write_text(directory / FAILURE, text)
 
 
 def checkpoint_of(directory: Path, kind: str) -> Path:

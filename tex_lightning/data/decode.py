@@ -190,8 +190,8 @@ def check_decoding(where: str, medium: str, settings: Mapping[str, Any]) -> None
     Raises:
         UserError: Naming all of them.
     """
-    given = {name: value for name, value in settings.items() if value is not None}
-    if complaints := [*misfits(where, DECODERS[medium], given)]:
+    chosen = {name: value for name, value in settings.items() if value is not None}
+    if complaints := [*misfits(where, DECODERS[medium], chosen)]:
         raise UserError("; ".join(complaints) + ".")
 
 
@@ -223,8 +223,8 @@ def read_trace(path: Path, settings: SignalDecoder, rate: float | None = None) -
     if source is None and rate is not None:
         return SourceSignal(samples, rate, replace(reading, rate_from="the manifest or reader"))
     if source is None:
-        said = f"{ASSUMED} (data.file_rate=HZ gives it)" if settings.assumes else "data.file_rate"
-        return SourceSignal(samples, settings.file_rate, replace(reading, rate_from=said))
+        origin = f"{ASSUMED} (data.file_rate=HZ gives it)" if settings.assumes else "data.file_rate"
+        return SourceSignal(samples, settings.file_rate, replace(reading, rate_from=origin))
     if rate is not None and not math.isclose(source, rate, rel_tol=RATE_TOLERANCE):
         raise UserError(
             f"Trace {path} has {source:,.6g} Hz by its header or column of time, but {rate:,.6g} "

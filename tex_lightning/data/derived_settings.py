@@ -59,21 +59,21 @@ def derive_settings(
     Raises:
         UserError: If a key or value cannot be used, or the data set cannot be read.
     """
-    given = with_derived(config.task, config.data, config.model, job)
-    if given.overrides != job.overrides:
-        composed = _recomposed(composed, job, given)
+    derived = with_derived(config.task, config.data, config.model, job)
+    if derived.overrides != job.overrides:
+        composed = _recomposed(composed, job, derived)
         config = checked_config(composed)
-    return config, composed, given
+    return config, composed, derived
 
 
-def _recomposed(composed: DictConfig, job: Job, given: Job) -> DictConfig:
+def _recomposed(composed: DictConfig, job: Job, derived: Job) -> DictConfig:
     """Return the configuration with the overrides that were added to a job.
 
     Composing again takes a fifth of a second and is done only if an option of a group changes.
     """
-    before, added = job.overrides, parsed_overrides(given.overrides[len(job.overrides) :])
-    if given.overrides[: len(before)] != before or any("." not in key_of(each) for each in added):
-        return given.compose(given.overrides)
+    before, added = job.overrides, parsed_overrides(derived.overrides[len(job.overrides) :])
+    if derived.overrides[: len(before)] != before or any("." not in key_of(each) for each in added):
+        return derived.compose(derived.overrides)
     changed = composed.copy()
     for override in added:
         OmegaConf.update(changed, key_of(override), override.value())
@@ -125,9 +125,9 @@ def _with_real_folds(task: str, data: DataConfig, model: ModelConfig, job: Job) 
     folds = count_folds(read_recordings(data, model.modalities, least=1))
     if folds == data.folds:
         return job
-    told = data.withholds or task != "fit"  # else nothing is divided
+    divides = data.withholds or task != "fit"  # else nothing is divided
     log.log(
-        logging.INFO if told else logging.DEBUG,
+        logging.INFO if divides else logging.DEBUG,
         "There are %d folds in place of data.folds=%d: the table says so in its column fold, or no "
         "class has recordings of more groups.",
         folds, data.folds,

@@ -164,8 +164,8 @@ class Recordings:
 
     def in_classes(self, classes: Iterable[str]) -> "Recordings":
         """Return the rows whose label is one of ``classes``."""
-        wanted = set(classes)
-        return self._where(lambda row: row.label in wanted)
+        names = set(classes)
+        return self._where(lambda row: row.label in names)
 
     def without(self, rows: Iterable[Recording]) -> "Recordings":
         """Return the other rows; no group number changes."""
@@ -279,30 +279,30 @@ def read_manifest(path: Path) -> Recordings:
     check_distinct(f"Manifest {path}", rows)
     if not rows:
         raise UserError(f"Manifest {path} lists no recordings; add lines {','.join(COLUMNS)}.")
-    told = {where: (line.get(FOLD) or "").strip() for where, line in lines.items()}
-    folds, notes = _fixed_folds(told)
+    cells = {where: (line.get(FOLD) or "").strip() for where, line in lines.items()}
+    folds, notes = _fixed_folds(cells)
     placed = zip(rows, folds, strict=True)
     return Recordings(tuple(replace(row, fold=fold) for row, fold in placed), notes)
 
 
-def _fixed_folds(told: Mapping[str, str]) -> tuple[list[int | None], tuple[str, ...]]:
+def _fixed_folds(cells: Mapping[str, str]) -> tuple[list[int | None], tuple[str, ...]]:
     """Return the fold of every line of a manifest, and a note if they are renumbered.
 
     Args:
-        told: By line the cell of the column ``fold``, empty where there is none.
+        cells: By line the cell of the column ``fold``, empty where there is none.
 
     Raises:
         UserError: If some lines have a fold and others none.
     """
-    names = sorted({cell for cell in told.values() if cell}, key=natural_key)
+    names = sorted({cell for cell in cells.values() if cell}, key=natural_key)
     if not names:
-        return [None] * len(told), ()
-    if empty := [where for where, cell in told.items() if not cell]:
+        return [None] * len(cells), ()
+    if empty := [where for where, cell in cells.items() if not cell]:
         raise UserError(f"{empty[0]} has no fold; fill in the column fold everywhere or nowhere.")
     same = all(NUMBER.fullmatch(name) and int(name) == at for at, name in enumerate(names))
     note = ", ".join(f"{at} is {name}" for at, name in enumerate(names))
     notes = () if same else (f"The folds of the column fold are numbered from 0: {shorten(note)}.",)
-    return [names.index(cell) for cell in told.values()], notes
+    return [names.index(cell) for cell in cells.values()], notes
 
 
 def write_manifest(recordings: Recordings, path: Path) -> None:
@@ -323,8 +323,9 @@ def write_manifest(recordings: Recordings, path: Path) -> None:
             if file.is_relative_to(folder):
                 file = file.relative_to(folder)
             part = write_part(row.part) if row.part else ""
-            told = {PART: part, FOLD: "" if row.fold is None else row.fold, **dict(row.conditions)}
-            values = [told.get(name, "") for name in (*more, *names)]
+            fold = "" if row.fold is None else row.fold
+            optional = {PART: part, FOLD: fold, **dict(row.conditions)}
+            values = [optional.get(name, "") for name in (*more, *names)]
             cells = [row.label, row.modality, str(file), row.group, rate, *values]
             writer.writerow(map(to_cell, cells))
 

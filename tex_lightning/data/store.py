@@ -240,8 +240,8 @@ def _save(path: Path, decoded: Decoded) -> None:
     with path.open("wb") as stream:
         np.save(stream, decoded.array, allow_pickle=False)
         if decoded.reading is not None:
-            told = json.dumps({"rate": decoded.rate, **asdict(decoded.reading)}).encode()
-            stream.write(told + SIZE.pack(len(told)))
+            facts = json.dumps({"rate": decoded.rate, **asdict(decoded.reading)}).encode()
+            stream.write(facts + SIZE.pack(len(facts)))
 
 
 def _told(entry: Path) -> dict[str, Any]:
@@ -250,8 +250,8 @@ def _told(entry: Path) -> dict[str, Any]:
         end = stream.seek(-SIZE.size, os.SEEK_END)
         (size,) = SIZE.unpack(stream.read())
         stream.seek(max(0, end - size))
-        told: dict[str, Any] = json.loads(stream.read(min(size, end)))
-    return told
+        facts: dict[str, Any] = json.loads(stream.read(min(size, end)))
+    return facts
 
 
 def _read_rate(entry: Path) -> float:
@@ -259,9 +259,9 @@ def _read_rate(entry: Path) -> float:
 
 
 def _read_reading(entry: Path) -> Reading:
-    told = _told(entry)
-    lists = {name: tuple(told[name]) for name in ("axes", "left_out", "notes")}
-    return Reading(rate_from=told["rate_from"], **lists)
+    facts = _told(entry)
+    lists = {name: tuple(facts[name]) for name in ("axes", "left_out", "notes")}
+    return Reading(rate_from=facts["rate_from"], **lists)
 
 
 def _map(entry: Path) -> npt.NDArray[Any]:

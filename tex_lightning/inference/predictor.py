@@ -139,19 +139,20 @@ class Predictor:
         names = self.classes
         more = ", …" if len(names) > SHOWN else ""
         takes = [_taken(sense) for sense in self.classifier.senses.values()]
-        said = [
+        parts = [
             self.card.title,
             f"{len(names)} classes ({', '.join(names[:SHOWN])}{more})",
             f"takes {' and '.join(takes)}",
             f"{self.classifier.count_parameters():,} parameters",
         ]
-        if told := self.card.training.get("crossval"):
-            low, high = told["vote_ci95"]
-            said.append(
-                f"{told['vote_accuracy']:.1%} ({told['correct']}/{told['test_samples']}, "
-                f"{low:.1%} to {high:.1%}) in {told['folds']} folds"
+        if crossval := self.card.training.get("crossval"):
+            low, high = crossval["vote_ci95"]
+            counts = f"{crossval['correct']}/{crossval['test_samples']}"
+            parts.append(
+                f"{crossval['vote_accuracy']:.1%} ({counts}, {low:.1%} to {high:.1%}) in "
+                f"{crossval['folds']} folds"
             )
-        return f"<{type(self).__name__}: {'; '.join(said)}>"
+        return f"<{type(self).__name__}: {'; '.join(parts)}>"
 
     def predict_many(
         self,
@@ -182,8 +183,8 @@ class Predictor:
         """
         lengths = {name: len(given) for name, given in recordings.items()}
         if len({*lengths.values()}) > 1:
-            told = ", ".join(f"{count} of {name}" for name, count in lengths.items())
-            raise UserError(f"Give as many recordings of every modality, not {told}.")
+            counts = ", ".join(f"{count} of {name}" for name, count in lengths.items())
+            raise UserError(f"Give as many recordings of every modality, not {counts}.")
         samples = zip(*recordings.values(), strict=True)
         return [
             self.predict(rate=rate, colour=colour, **dict(zip(recordings, sample, strict=True)))
@@ -264,9 +265,9 @@ class Predictor:
             name = sense.modality
             if name in inputs and name not in decoded:
                 ranges = self.card.input_ranges.get(name, {})
-                own = rates.get(name)
-                own = data.file_rate if own is None else own
-                decoded[name] = sense.decode_input(inputs[name], ranges, rate=own, **how)
+                file_rate = rates.get(name)
+                file_rate = data.file_rate if file_rate is None else file_rate
+                decoded[name] = sense.decode_input(inputs[name], ranges, rate=file_rate, **how)
         return decoded
 
 

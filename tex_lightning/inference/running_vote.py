@@ -273,16 +273,16 @@ class RunningSpectrogramVote(RunningVote):
         """Vote by all frames up to the cut, and add the positions that see only final frames."""
         end, stride, added = self.features.frames(self.cut), self.sense.stride, self.count
         skip = added - self.first // stride
-        found: Tensor | None = None
+        embedding: Tensor | None = None
         if not added or reach(self.windows, added) <= end:  # else the tool rests since then
-            found = self._embedding(every[..., : end - self.first])[:, skip:]
-            self.last = self._vote(found)
+            embedding = self._embedding(every[..., : end - self.first])[:, skip:]
+            self.last = self._vote(embedding)
         last = self.first + settled.shape[-1]
         count = (last - reach(self.windows, 1)) // stride + 1
         if count > added:
-            if found is None or reach(self.windows, count) > end:
-                found = self._embedding(settled)[:, skip:]
-            self._add(found[:, : count - added])
+            if embedding is None or reach(self.windows, count) > end:
+                embedding = self._embedding(settled)[:, skip:]
+            self._add(embedding[:, : count - added])
             first = max(0, count - padded_positions(self.windows)) * stride
             settled, self.first = settled[..., first - self.first :].clone(), first
         self.frames = settled
@@ -360,16 +360,17 @@ class RunningProportionsVote(RunningVote):
             end = None if whole else (last - 1) * hop + self.features.lengths[index] - self.first
             parts.append((index, movement[:, before * hop - self.first : end], first - before))
         frames = [self.features.count_frames(x.shape[1], index) - skip for index, x, skip in parts]
-        wanted = self._left(self.first + movement.shape[1]) if whole else 1
-        fragments = min(*frames, wanted)
+        remaining = self._left(self.first + movement.shape[1]) if whole else 1
+        fragments = min(*frames, remaining)
         summaries = [
             self.features.summary(self.features.in_blocks(x, index, skip), index, count, fragments)
             for (index, x, skip), count in zip(parts, frames, strict=True)
         ]
         first, last = (self._frame(1, more) - self.first for more in (0, 1))
         samples = movement[:, first : None if whole else last]
-        found = self._embedding(self.features.join(summaries, samples, fragments, mean))
-        return found[:, torch.arange(wanted, device=found.device) * fragments // wanted]
+        embedding = self._embedding(self.features.join(summaries, samples, fragments, mean))
+        numbers = torch.arange(remaining, device=embedding.device)
+        return embedding[:, numbers * fragments // remaining]
 
     def _left(self, samples: int) -> int:
         """Return how many more fragments a movement of so many samples is to have."""

@@ -86,26 +86,26 @@ def adapt(
         UserError: If the classifier cannot be adapted.
     """
     check_adaptable(classifier)
-    given = [(x.mean(dim=1).cpu(), x.shape[1]) for x in embeddings]
+    recordings = [(x.mean(dim=1).cpu(), x.shape[1]) for x in embeddings]
     whole = deepcopy(classifier).cpu()
     (name,), network = whole.senses, cast(LinearNet, whole.network)
     if unknown_above is not None:
         novelty = cast(FeatureStatistics, whole.statistics[name]).novelty
-        given = [(mean, count) for mean, count in given if novelty(mean) <= unknown_above]
-    given.sort(key=lambda pair: pair[0].numpy().tobytes())
-    if not given:
+        recordings = [(mean, count) for mean, count in recordings if novelty(mean) <= unknown_above]
+    recordings.sort(key=lambda pair: pair[0].numpy().tobytes())
+    if not recordings:
         return Adaptation(classifier, "there are no recordings of known classes", 0, {}, 0)
     student = _Student(
-        network, cast(TrainingRows, whole.rows[name]), torch.stack([mean for mean, _ in given])
+        network, cast(TrainingRows, whole.rows[name]), torch.stack([mean for mean, _ in recordings])
     )
     lesson = student.learn()
     if lesson.reason:
-        return Adaptation(classifier, lesson.reason, len(given), {}, 0)
-    _gate(lesson.network).fragments.fill_(median(count for _, count in given))
+        return Adaptation(classifier, lesson.reason, len(recordings), {}, 0)
+    _gate(lesson.network).fragments.fill_(median(count for _, count in recordings))
     _replace(whole, name, student, lesson)
     counts = lesson.labels[lesson.labels >= 0].bincount(minlength=network.classes).tolist()
     by_class = {x: n for x, n in zip(classifier.card.classes, counts, strict=True) if n}
-    return Adaptation(whole.eval(), "", len(given), by_class, lesson.changed)
+    return Adaptation(whole.eval(), "", len(recordings), by_class, lesson.changed)
 
 
 @torch.inference_mode()

@@ -208,18 +208,18 @@ def seen_of(rows: Iterable[Recording], card: Card) -> list[Recording]:
 
 def trained_on_all(card: Card) -> bool:
     """Return whether a training left no recordings out for a test."""
-    told = card.trained_on
-    return bool(told) and told.get("test_fold") is None and not told.get(WHERE)
+    division = card.trained_on
+    return bool(division) and division.get("test_fold") is None and not division.get(WHERE)
 
 
 def as_trained(data: DataConfig, card: Card) -> DataConfig:
     """Return the settings of the data with the division that a checkpoint was trained with."""
     keys = (*FOLD_KEYS, WHERE, PER_CLASS)
-    told = {key: card.trained_on[key] for key in keys if key in card.trained_on}
+    division = {key: card.trained_on[key] for key in keys if key in card.trained_on}
     reader = data.reader
-    if "folds" in told and "folds" in reader:  # of a published data set, which has its own
-        reader = {**reader, "folds": told["folds"]}
-    return replace(data, **{"inverted": False, **told, "reader": reader})
+    if "folds" in division and "folds" in reader:  # of a published data set, which has its own
+        reader = {**reader, "folds": division["folds"]}
+    return replace(data, **{"inverted": False, **division, "reader": reader})
 
 
 def is_training_data(rows: Recordings, division: Folding, card: Card) -> bool:

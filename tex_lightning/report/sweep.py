@@ -1,9 +1,7 @@
 """The Hydra callback of a sweep: its lock, its failures, and its summary at the end."""
 
-import json
-import logging
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, ClassVar
@@ -14,13 +12,9 @@ from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.core.console import NORMAL, Screen, say
-from tex_lightning.core.files import write_text
 from tex_lightning.core.run_folder import locked_folder
 from tex_lightning.errors import UserError
 
-log = logging.getLogger(__name__)
-
-FAILURE = "failure.json"  # in the folder of a job that failed
 ALL_COMBINATIONS = "hydra._internal.core_plugins.basic_sweeper.BasicSweeper"
 ONE_BY_ONE = "hydra._internal.core_plugins.basic_launcher.BasicLauncher"
 ON_SLURM = "hydra_plugins.hydra_submitit_launcher.submitit_launcher.SlurmLauncher"
@@ -28,13 +22,6 @@ NO_SWEEP = (
     "A sweep runs every job in one process; leave out trainer=ddp, trainer.devices and "
     "trainer.num_nodes, or run without -m."
 )
-
-
-def note_failure(directory: Path, overrides: Sequence[str], reason: str) -> None:
-    """Write the reason of a failure into a job's folder, for the summary and the user."""
-    log.error("%s", reason)
-    text = json.dumps({"error": reason, "overrides": [*overrides]}, indent=1)
-    write_text(directory / FAILURE, text)
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from submitit.core.utils import FailedJobError, UncompletedJobError
 from submitit.slurm import slurm
 from submitit.slurm.slurm import SlurmExecutor, SlurmInfoWatcher, SlurmJob
 
-from tex_lightning.report.sweep import note_failure
+from tex_lightning.core.run_folder import note_failure
 
 ASK = ("squeue", "--me", "--array", "--noheader", "--states=all", "--format=%F_%K %T")
 OVER = ("BOOT_FAIL", "CANCELLED", "COMPLETED", "DEADLINE", "FAILED", "NODE_FAIL", "OUT_OF_MEMORY",

@@ -13,11 +13,11 @@ from matplotlib.ticker import NullFormatter, PercentFormatter
 
 from tex_lightning.core.console import console
 from tex_lightning.core.files import write_rows
+from tex_lightning.core.run_folder import FAILURE
 from tex_lightning.data.recordings import natural_key
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.page import write_report
 from tex_lightning.report.style import Look, brief, looks, styled
-from tex_lightning.report.sweep import FAILURE
 from tex_lightning.report.table import FOLD_KEYS, TINY, Table, is_tiny, make_table
 from tex_lightning.report.trials import (
     BEST,

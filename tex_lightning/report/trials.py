@@ -12,10 +12,10 @@ from typing import Any
 
 from tex_lightning.config import SILENT
 from tex_lightning.core.files import read_record
+from tex_lightning.core.run_folder import FAILURE
 from tex_lightning.evaluation.metrics import METRICS, figures, metrics_in
 from tex_lightning.evaluation.outcomes import COUNTS
 from tex_lightning.evaluation.outcomes import counted as counted_votes
-from tex_lightning.report.sweep import FAILURE
 from tex_lightning.report.table import FOLD_KEYS, Table, counted, run_overrides, run_settings
 
 TrialRow = dict[str, Any]

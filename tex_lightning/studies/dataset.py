@@ -122,13 +122,13 @@ class Dataset:
                 lacks = absent_classes(part, self.classes, tuple(self.store.decoders))
                 if lacks and len(part):
                     absent[name] = lacks
-        told = [f"{name} has none of {listed(lacks)}" for name, lacks in absent.items()]
-        more = [f"{len(told) - SHOWN} more parts lack some"] if len(told) > SHOWN else []
+        phrases = [f"{name} has none of {listed(lacks)}" for name, lacks in absent.items()]
+        more = [f"{len(phrases) - SHOWN} more parts lack some"] if len(phrases) > SHOWN else []
         return [
-            f"Not all classes are everywhere: {'; '.join([*told[:SHOWN], *more])}. What is "
+            f"Not all classes are everywhere: {'; '.join([*phrases[:SHOWN], *more])}. What is "
             "measured there says nothing of them: record more groups of these classes, or take "
             "fewer folds (data.folds)."
-        ][: len(told)]
+        ][: len(phrases)]
 
     def parts(self, by: Folding) -> Split:
         """Return training, validation and test recordings, checked."""
@@ -191,11 +191,11 @@ def open_test_data(
             they cannot be used.
     """
     card = classifier.card
-    own = as_trained(data, card) if choose else data
-    given = replace(own, test_where=data.test_where)  # other data may lack the training's
-    table = read_recordings(given, card.modalities, least=1)
-    if choose and is_training_data(table, own, card):
-        data = given if data.test_where else own
+    division = as_trained(data, card) if choose else data
+    chosen = replace(division, test_where=data.test_where)  # other data may lack its conditions
+    table = read_recordings(chosen, card.modalities, least=1)
+    if choose and is_training_data(table, division, card):
+        data = chosen if data.test_where else division
     rows, held = hold_out(table, data.hold_out)
     if unknown := [label for label in rows.classes if label not in card.classes]:
         raise UserError(

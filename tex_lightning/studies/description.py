@@ -91,7 +91,7 @@ def _describe_modality(
     """
     decoder = store.decoders[rows.rows[0].modality]
     sizes = [store.extent(row) for row in rows]
-    told: dict[str, Any] = {
+    entry: dict[str, Any] = {
         "called": plural(rows.rows[0].modality),
         "files": len(rows),
         "unit": decoder.unit,
@@ -101,10 +101,10 @@ def _describe_modality(
         "parts": _count_parts(rows, divisions),
     }  # fmt: skip
     if not isinstance(decoder, SignalDecoder):
-        return told
+        return entry
     axes, rates = [len(store.load(row)) for row in rows], [store.rate(row) for row in rows]
     assumed = sum(store.reading(row).rate_from.startswith(ASSUMED) for row in rows)
-    return told | {
+    return entry | {
         "axes": [min(axes), max(axes)],
         "rates": [min(rates), max(rates)],
         "assumed": assumed,
@@ -141,38 +141,38 @@ def show_opening(
         The description.
     """
     divisions = list(trains)
-    told = describe_data(data, dataset, divisions)
-    for text in told["notes"]:
+    description = describe_data(data, dataset, divisions)
+    for text in description["notes"]:
         log.warning("%s", text)
     if keep_in is not None:
-        keep_description(told, dataset, keep_in)
+        keep_description(description, dataset, keep_in)
     if Screen.verbose == QUIET:
-        return told
+        return description
 
     def show(title: str, text: str, *, whole: bool = False) -> None:
         line = Text(f"{title:<8} {printable_lines(text)}")
         console.print(line, no_wrap=not whole, overflow=None if whole else "ellipsis")
 
-    show("Data", f"{told['name']} {told['from']}")
-    show("Classes", f"{len(told['classes'])}: {', '.join(told['classes'])}")
-    for entry in told["recordings"].values():
+    show("Data", f"{description['name']} {description['from']}")
+    show("Classes", f"{len(description['classes'])}: {', '.join(description['classes'])}")
+    for entry in description["recordings"].values():
         show(entry["called"].partition(" ")[0].capitalize(), _sizes(entry))
         for text in entry.get("read", ()):
             show("Reads", text, whole=True)
     if divisions:
-        show("Folds", told["folds"])
-        show("Parts", _parts(told, several=len(divisions) > 1), whole=True)
-    if told["skipped"]:
-        show("Left out", f"{len(told['skipped'])} files that cannot be used")
+        show("Folds", description["folds"])
+        show("Parts", _parts(description, several=len(divisions) > 1), whole=True)
+    if description["skipped"]:
+        show("Left out", f"{len(description['skipped'])} files that cannot be used")
     if what:
         show("Trains" if divisions else "Tests", what)
-    return told
+    return description
 
 
-def keep_description(told: Description, dataset: Dataset, directory: Path) -> None:
+def keep_description(description: Description, dataset: Dataset, directory: Path) -> None:
     """Write the description, and an example of each class, for the report."""
-    write_text(directory / FILE, json.dumps(told, indent=1))
-    for modality in told["recordings"]:
+    write_text(directory / FILE, json.dumps(description, indent=1))
+    for modality in description["recordings"]:
         rows = dataset.recordings.of(modality)
         first = {row.label: row for row in reversed(rows.rows)}
         chosen = {label: first[label] for label in rows.classes[:MAX_EXAMPLES]}
@@ -198,10 +198,10 @@ def _sizes(entry: Mapping[str, Any]) -> str:
     return "; ".join([str(entry["files"]), size, *axes, each])
 
 
-def _parts(told: Description, *, several: bool) -> str:
+def _parts(description: Description, *, several: bool) -> str:
     """Say how many recordings of each modality are trained on, chosen and tested on."""
     lines = []
-    for entry in told["recordings"].values():
+    for entry in description["recordings"].values():
         counts = [
             f"{_spread(found, '', 'd')} {PARTS[name]}" for name, found in entry["parts"].items()
         ]
@@ -274,12 +274,12 @@ def readings(signals: Recordings, store: Store) -> list[str]:
         kind = replace(store.reading(row), notes=())
         rates[kind].append(store.rate(row))
         first.setdefault(kind, row.path.name)
-    said = []
+    lines = []
     for kind, values in sorted(rates.items(), key=lambda item: -len(item[1]))[:MAX_KINDS]:
         some = "" if len(rates) == 1 else f"{len(values)} as {first[kind]}: "
-        said.append(some + kind.said(*sorted({min(values), max(values)})))
+        lines.append(some + kind.said(*sorted({min(values), max(values)})))
     more = len(rates) - MAX_KINDS
-    return [*said, f"and in {more} more ways"] if more > 0 else said
+    return [*lines, f"and in {more} more ways"] if more > 0 else lines
 
 
 def reading_notes(signals: Recordings, store: Store) -> list[str]:

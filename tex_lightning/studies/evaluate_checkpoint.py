@@ -198,8 +198,8 @@ def log_network(
         artifacts += text_artifacts(directory, results, facts)
         artifacts += pair_artifacts(directory, networks, dataset.classes)
     trial = trial_settings(directory, model.name, config.data.name, name) if trains else None
-    told = values if trains else {key: values[key] for key in ("seed", "data")}
-    log_test(loggers, name, told, networks[name], artifacts, trial)
+    settings = values if trains else {key: values[key] for key in ("seed", "data")}
+    log_test(loggers, name, settings, networks[name], artifacts, trial)
 
 
 def view_samples(

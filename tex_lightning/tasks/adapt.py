@@ -38,23 +38,23 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     (name,), card = classifier.senses, classifier.card
     rows = dataset.recordings.rows
     features = position_features(classifier, name, rows, dataset.store)
-    found = adapt(classifier, features, predictor.card.unknown_above)
+    adaptation = adapt(classifier, features, predictor.card.unknown_above)
     target = job.directory / "checkpoints" / f"{card.kind}.ckpt"
-    found.classifier.cpu().save(target)
+    adaptation.classifier.cpu().save(target)
     seconds = time.perf_counter() - begin
     entry = {
-        "adapted": not found.reason,
-        "reason": found.reason or None,
-        "recordings": found.recordings,
-        "taught": found.taught,
-        "changed": found.changed,
+        "adapted": not adaptation.reason,
+        "reason": adaptation.reason or None,
+        "recordings": adaptation.recordings,
+        "taught": adaptation.taught,
+        "changed": adaptation.changed,
         "adapt_seconds": seconds,
         "checkpoint": str(target.resolve()),
     }
     networks = {card.kind: entry}
     results = results_frame(config, card.kind, card.classes, dataset.skipped, networks, seconds)
     write_results(job.directory / "results.json", results)
-    say(f"{found} The checkpoint is {target}.")
+    say(f"{adaptation} The checkpoint is {target}.")
     return results
 
 
@@ -70,11 +70,11 @@ def open_unlabelled(predictor: Predictor) -> Dataset:
     card, data = classifier.card, config.data
     if config.files:
         predictor.check_senses(config.files)
-        found = {name: find_files(name, value) for name, value in config.files.items()}
+        files = {name: find_files(name, value) for name, value in config.files.items()}
         rows = Recordings(
             tuple(
                 Recording("", modality, path.resolve(), str(number))
-                for modality, paths in found.items()
+                for modality, paths in files.items()
                 for number, path in enumerate(paths)
             )
         )

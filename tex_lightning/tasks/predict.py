@@ -59,14 +59,14 @@ def run(config: Config, job: Job) -> None:
 
 
 def _for_one(classifier: SurfaceClassifier, config: Config) -> Config:
-    """Return the settings for one signal, which by default takes the CPU; else what is given.
+    """Return the settings with the CPU for one signal, unless another device was chosen.
 
-    Its label takes some milliseconds, in which no GPU has started. Photos may be large.
+    A label of a signal takes some milliseconds, less than a GPU takes to start.
     """
-    given = {name: value for name, value in config.files.items() if value is not None}
+    files = {name: value for name, value in config.files.items() if value is not None}
     signals = {x.modality for x in classifier.senses.values() if x.medium == "signal"}
-    single = all(is_file(Path(str(value)).expanduser()) for value in given.values())
-    if config.trainer.accelerator != "auto" or not single or not signals.issuperset(given):
+    single = all(is_file(Path(str(value)).expanduser()) for value in files.values())
+    if config.trainer.accelerator != "auto" or not single or not signals.issuperset(files):
         return config
     return replace(config, trainer=replace(config.trainer, accelerator="cpu"))
 
@@ -86,9 +86,9 @@ def adapted(predictor: Predictor, samples: Sequence[Mapping[str, Path]]) -> Pred
                 yield predictor.decoded(files)
 
     features = sample_features(predictor.classifier, decoded())
-    found = adapt(predictor.classifier, features, predictor.card.unknown_above)
-    say(str(found))
-    return Predictor(found.classifier, predictor.config)
+    adaptation = adapt(predictor.classifier, features, predictor.card.unknown_above)
+    say(str(adaptation))
+    return Predictor(adaptation.classifier, predictor.config)
 
 
 def find_files(modality: str, value: object) -> list[Path]:
