@@ -76,6 +76,37 @@ class Frames(nn.Module):
         return _spoilt(frames, self.spoil)
 
 
+class Fitted(Frames):
+    """The same with a scale that is fitted, or a wrong idea of what is normalised."""
+
+    def fit(self, magnitudes: Any) -> None:
+        pass
+
+    def magnitudes(self, signal: torch.Tensor) -> torch.Tensor:
+        frames = signal[0].unfold(-1, 10, 10).mean(-1)
+        return frames[None, None] if self.spoil == "shape" else frames
+
+    def normalise(self, magnitudes: torch.Tensor) -> torch.Tensor:
+        return magnitudes
+
+    def forward(self, signal: torch.Tensor) -> torch.Tensor:
+        return self.normalise(self.magnitudes(signal)).view(1, 1, -1)
+
+
+class Descent(torch.optim.SGD):
+    """An optimiser that has to be told how far it goes."""
+
+    def __init__(self, params: Any, lr: float) -> None:
+        super().__init__(params, lr=lr)
+
+
+class Breaking(Callback):
+    """Fails in the midst of a training."""
+
+    def on_train_epoch_end(self, *_: Any) -> None:
+        raise KeyError("boom of a user")
+
+
 class SpoiltNet(nn.Module):
     """Scores of five frames, then what spoils them."""
 

@@ -18,7 +18,7 @@ from tex_lightning.cli import run_task, to_user_error
 from tex_lightning.config import flatten
 from tex_lightning.config.composition import Job, compose_config
 from tex_lightning.config.instantiation import build
-from tex_lightning.config.signatures import converted, misfits
+from tex_lightning.config.signatures import converted, misfits, signature_of
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.errors import UserError
 
@@ -75,6 +75,24 @@ def test_defaults_nodes_and_what_is_not_annotated_pass():
     assert wanted(known, b={"_target_": "a.B"}) == {}
     assert wanted(known, b="x", c="z") == {"b": "a number", "c": "one of x, y"}
     assert wanted(torch.zeros, size="x") == {}
+
+
+class Grand:
+    def __init__(self, far: int = 0, **more: int) -> None: ...
+
+
+class Parent(Grand):
+    def __init__(self, size: int, *, sort: Literal["x", "y"]) -> None: ...
+
+
+class Child(Parent):
+    def __init__(self, *args: Any, sort: str, **more: Any) -> None: ...
+
+
+def test_kwargs_are_those_of_the_class_that_they_are_handed_on_to():
+    assert wanted(Child, size="a", sort="z", far="b") == {"size": "a whole number"}
+    assert [*signature_of(Child).parameters] == ["args", "sort", "size", "more"]
+    assert [*signature_of(Grand).parameters] == ["far", "more"]
 
 
 def test_fields_of_a_reader_are_what_their_types_say():

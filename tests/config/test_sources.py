@@ -60,6 +60,9 @@ class Base:
 class Heir(Base):
     pass
 
+class Handing(Base):
+    def __init__(self, *args, sort: int, **more): ...
+
 @dataclass
 class First:
     a: int
@@ -119,6 +122,13 @@ def test_names_are_followed_and_code_is_not_run(package):
     assert {other.annotation, ran.annotation, round_.annotation} == {Any}
     assert not (package / "inner.ran").exists()
     assert package.name not in sys.modules
+
+
+def test_what_is_handed_on_is_taken_by_the_class_that_a_class_derives_of(package):
+    read = read_signature(f"{package.name}.inner.Handing").parameters
+    assert [*read] == ["sort", "size", "path", "other", "ran", "round", "more"]
+    assert read["sort"].annotation is int
+    assert Key.of(read["size"].annotation) == Key("a size", "[1, 64]", "mm")
 
 
 def test_fields_come_in_the_order_of_dataclasses(package):

@@ -96,6 +96,12 @@ def test_an_optimizer_that_cannot_be_made_says_why(node, message):
         module("haptic", optimizer=node).configure_optimizers()
 
 
+def test_an_optimizer_gets_the_learning_rate_if_it_has_no_default_of_it():
+    node = {"_target_": "own_parts.Descent", "_partial_": True}
+    made = module("haptic", optimizer=node).configure_optimizers()["optimizer"]
+    assert made.defaults["lr"] == module("haptic").fit_config["learning_rate"]
+
+
 @pytest.mark.parametrize("target", [f"{SCHEDULES}.ReduceLROnPlateau", "torch.nn.Identity"])
 def test_what_does_not_go_by_steps_is_no_schedule(target):
     with pytest.raises(

@@ -6,9 +6,10 @@ import pytest
 import torch
 from conftest import make_card, save_checkpoint
 
+from tex_lightning.core.contract import fault_of
 from tex_lightning.errors import UserError
 from tex_lightning.learning.train import Training
-from tex_lightning.learning.trainer import CheckpointFiles, take_best
+from tex_lightning.learning.trainer import CheckpointFiles, build_callbacks, take_best
 
 
 class Unsaveable:
@@ -25,6 +26,13 @@ def test_a_write_that_fails_leaves_the_earlier_checkpoint_whole(tmp_path: Path) 
         CheckpointFiles().save_checkpoint({"weight": torch.ones(1000), "x": Unsaveable()}, path)
     assert torch.load(path, weights_only=True) == {"epoch": 1}
     assert [*tmp_path.iterdir()] == [path]
+
+
+def test_what_a_callback_raises_is_told_with_its_key():
+    (callback,) = build_callbacks({"mine": {"_target_": "own_parts.Breaking"}}, {})
+    with pytest.raises(KeyError) as caught:
+        callback.on_train_epoch_end()
+    assert fault_of(caught.value) == "callbacks.mine (Breaking) raised KeyError."
 
 
 def test_what_a_killed_run_kept_to_resume_from_goes_once_it_is_trained(tmp_path: Path) -> None:

@@ -83,6 +83,17 @@ def test_parts_that_break_their_contract(world, part, spoil, said):
         check_sense(module(card(**{part: {"spoil": spoil}})), *world)
 
 
+@pytest.mark.parametrize("spoil", ["", "shape"])
+def test_features_are_alike_in_training_and_prediction(world, spoil):
+    given = card({"_target_": "own_parts.Fitted", "spoil": spoil})
+    if not spoil:
+        check_sense(module(given), *world)
+        return
+    said = r"Fitted\) gives \(1, 1, 90\) by forward\(signal\) and \(1, 1, 1, 1, 90\) by normalise"
+    with pytest.raises(UserError, match=said):
+        check_sense(module(given), *world)
+
+
 def test_a_score_layer_of_other_features_is_found_before_the_training(world):
     with pytest.raises(RuntimeError, match="shapes") as caught:
         check_sense(module(card(network={"spoil": "blind"})), *world)

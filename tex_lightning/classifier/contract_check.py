@@ -56,6 +56,7 @@ def check_parts(
     rows = _largest(recordings.of(sense.modality), store, FITTED if hasattr(network, "fit") else 1)
     labels = np.array(class_indices([row.label for row in rows], card.classes))
     bank = sense.bank(rows, store, fit, size=piece, seed=0, learn=True)
+    _check_normalised(sense, as_tensor(store.load(rows[0])))
     if hasattr(network, "fit"):
         with calling(*scored):
             fit_closed_form(network, bank, labels, [row.group_key for row in rows])
@@ -94,6 +95,22 @@ def _check_calls(sense: Sense) -> None:
     network: Any = sense.network
     if not is_builtin(network):
         check_call(scored, network.features, "x", "level")
+
+
+def _check_normalised(sense: Sense, recording: Tensor) -> None:
+    """Reject features that give a network other shapes in a training than in a prediction."""
+    part, features = parts_of(sense)[0], cast(Any, sense.features)
+    if is_builtin(sense.features) or not hasattr(features, "magnitudes"):
+        return
+    with calling(*part), torch.no_grad():
+        trained = tuple(features.normalise(features.magnitudes(recording))[None, None].shape)
+        given = tuple(features(recording).shape)
+    if trained != given:
+        raise breach(
+            *part,
+            f"gives {given} by forward(signal) and {trained} by normalise(magnitudes(signal))"
+            "[None, None], which a training takes in its place",
+        )
 
 
 def _largest(recordings: Recordings, store: Store, count: int) -> list[Recording]:

@@ -13,9 +13,9 @@ from types import NoneType
 from typing import Any
 
 from tex_lightning.config.search import ENTRY_POINTS, installed_packages
-from tex_lightning.config.signatures import HYDRAS, converted, misfits, strangers
+from tex_lightning.config.signatures import HYDRAS, converted, misfits, signature_of, strangers
 from tex_lightning.config.signatures import TARGET as TARGET
-from tex_lightning.core.contract import making, resolve
+from tex_lightning.core.contract import keep_key, making, resolve
 from tex_lightning.errors import UserError, shorten
 
 PACKAGE = "tex_lightning."
@@ -47,10 +47,7 @@ def _accepted(
     called: Callable[..., Any], values: Mapping[str, Any], offered: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Return the offered arguments that a class accepts and that are not set yet."""
-    try:
-        names = [*inspect.signature(called).parameters] if offered else []
-    except ValueError:  # of a class that is written in C
-        names = []
+    names = signature_of(called).parameters if offered else ()
     return {name: item for name, item in offered.items() if name in names and name not in values}
 
 
@@ -66,6 +63,7 @@ def build_derived(where: str, node: Mapping[str, Any], base: type, **offered: An
             f"{where} names {shorten(node[TARGET])}, which does not derive from "
             f"{base.__module__}.{base.__name__}; name a class that does."
         )
+    keep_key(part, where)
     return part
 
 

@@ -8,10 +8,10 @@ by another class, or not at all, takes anything.
 import collections.abc
 import inspect
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from inspect import Parameter, Signature
-from types import NoneType, UnionType
+from types import FunctionType, NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from tex_lightning.config.keys import Key, nearest, plain, without_extras
@@ -27,6 +27,7 @@ TRUTHS = {  # as OmegaConf reads a truth value
 }
 EXACT = 1 << 53  # whole numbers below it are floating-point numbers, too
 ANYTHING = Signature([Parameter("_", Parameter.VAR_KEYWORD)])
+NAMED = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
 PLAIN = (str, int, float, list, tuple, Mapping, NoneType)
 NAMES: dict[Any, str] = {
     bool: "true or false", int: "a whole number", float: "a number", str: "text", NoneType: "null",
@@ -66,7 +67,7 @@ def strangers(
 ) -> Iterator[str]:
     """Yield a complaint for each value that is no argument of a class or function."""
     parameters = signature_of(called).parameters
-    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
+    if collects(parameters.values()):
         return
     for name in values:
         if name not in parameters:
@@ -110,7 +111,8 @@ def _converted(value: Any, hint: Any) -> Any:  # noqa: ANN401
 def signature_of(called: Callable[..., Any] | Signature) -> Signature:
     """Return the signature of what is called with evaluated annotations, ``Any`` where it has none.
 
-    That of a class in C takes anything.
+    That of a class in C takes anything; ``**kwargs`` of a constructor take what those of the
+    classes take that it derives of.
     """
     if isinstance(called, Signature):
         return called
@@ -118,12 +120,36 @@ def signature_of(called: Callable[..., Any] | Signature) -> Signature:
         parameters = inspect.signature(called).parameters.values()
     except ValueError:
         return ANYTHING
+    function = called.__init__ if isinstance(called, type) else called  # type: ignore[misc]
+    own = inherited = _annotated(function, parameters)
+    for base in called.__mro__[1:] if isinstance(called, type) else ():
+        make = vars(base).get("__init__")
+        if isinstance(make, FunctionType) and collects(inherited):
+            inherited = _annotated(make, [*inspect.signature(make).parameters.values()][1:])
+            own = handing_on(own, inherited)
+    return Signature(own)
+
+
+def _annotated(function: Callable[..., Any], parameters: Iterable[Parameter]) -> list[Parameter]:
     try:
-        function = called.__init__ if isinstance(called, type) else called  # type: ignore[misc]
         hints = get_type_hints(function, include_extras=True)
     except Exception:  # of names that only a type checker knows
         hints = {}
-    return Signature([each.replace(annotation=hints.get(each.name, Any)) for each in parameters])
+    return [each.replace(annotation=hints.get(each.name, Any)) for each in parameters]
+
+
+def collects(parameters: Iterable[Parameter]) -> bool:
+    """Return whether there is a ``**kwargs`` among parameters."""
+    return any(each.kind is each.VAR_KEYWORD for each in parameters)
+
+
+def handing_on(own: Sequence[Parameter], base: Iterable[Parameter]) -> list[Parameter]:
+    """Return parameters with those of the base class, to which ``**kwargs`` are handed on."""
+    named = [each for each in own if each.kind is not each.VAR_KEYWORD]
+    known = {each.name for each in named}
+    more = [each for each in base if each.name not in known and each.kind in NAMED]
+    rest = [each for each in own if each.kind is each.VAR_KEYWORD]
+    return [*named, *(each.replace(kind=Parameter.KEYWORD_ONLY) for each in more), *rest]
 
 
 def _wanted(value: Any, hint: Any) -> Iterator[str]:  # noqa: ANN401

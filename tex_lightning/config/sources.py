@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Annotated, Any, ForwardRef, Literal, get_args, get_origin
 
 from tex_lightning.config.keys import without_extras
+from tex_lightning.config.signatures import collects, handing_on
 
 TYPES = ("bool", "int", "float", "str", "list", "tuple", "dict")
 LIBRARIES = {"typing": typing, "collections.abc": collections.abc}
@@ -193,7 +194,8 @@ def _parameters(module: _Module, node: ast.ClassDef) -> list[Parameter] | None:
     made = any("dataclass" not in each or "init=False" in each for each in decorators)
     for part in node.body:
         if isinstance(part, ast.FunctionDef) and part.name in ("__init__", "__new__"):
-            return None if made or part.decorator_list else [*_arguments(module, part.args)][1:]
+            own = [*_arguments(module, part.args)][1:]
+            return None if made or part.decorator_list else _handed_on(module, node, own)
         made |= isinstance(part, ast.Assign) and _bare(part.targets[0]) == "__init__"
     bases = [base for base in map(_bare, node.bases) if base not in NO_PARAMETERS]
     found = [module.find(base) for base in bases]
@@ -209,6 +211,12 @@ def _parameters(module: _Module, node: ast.ClassDef) -> list[Parameter] | None:
         fields |= {parameter.name: parameter for parameter in inherited or ()}
     fields |= {each.name: each.replace(kind=kind) for each in _fields(module, node)}
     return sorted(fields.values(), key=lambda each: each.kind)
+
+
+def _handed_on(module: _Module, node: ast.ClassDef, own: list[Parameter]) -> list[Parameter]:
+    """Return parameters with those of the class that ``**kwargs`` are handed on to."""
+    base = next(filter(None, (module.find(_bare(each)) for each in node.bases)), None)
+    return handing_on(own, _parameters(*base) or ()) if base and collects(own) else own
 
 
 def _bare(base: ast.expr) -> str:

@@ -8,13 +8,15 @@ import importlib
 import inspect
 import pkgutil
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from traceback import walk_tb
 from typing import Any
 
 from tex_lightning.errors import UserError, reason
 
 LIBRARIES = ("tex_lightning.", "torch.", "torchvision.", "lightning.", "kornia.")
 FAULT = "tex_lightning_fault"  # attribute of an error
+KEY = "tex_lightning_key"  # attribute of a part
 Part = tuple[str, str, object]  # key in the configuration, kind of CONTRACTS and object
 
 CONTRACTS = {
@@ -124,14 +126,26 @@ def _not_there(key: str, error: Exception) -> UserError:
     return UserError(f"{key} fails: {reason(error)}; correct its _target_ or arguments.")
 
 
-def _note(error: Exception, said: str) -> None:
-    if fault_of(error) is None:
+def _note(error: BaseException, said: str) -> None:
+    if getattr(error, FAULT, None) is None:
         error.add_note(said)
         setattr(error, FAULT, said)
 
 
+def keep_key(part: object, key: str) -> None:
+    """Keep the key of a part that Lightning calls, for the errors of its methods."""
+    with suppress(AttributeError):  # of one with slots
+        setattr(part, KEY, key)
+
+
 def fault_of(error: BaseException) -> str | None:
-    """Return what is noted on an error."""
+    """Return what is noted on an error, which is the key of a part that Lightning called, too."""
+    for frame, _ in reversed([*walk_tb(error.__traceback__)]):
+        part, module = frame.f_locals.get("self"), f"{frame.f_globals.get('__name__')}."
+        key = getattr(part, "__dict__", {}).get(KEY)
+        if key is not None and not module.startswith(LIBRARIES):
+            _note(error, f"{key} ({_name(part)}) raised {type(error).__name__}.")
+            break
     said: str | None = getattr(error, FAULT, None)
     return said
 

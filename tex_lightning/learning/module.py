@@ -335,7 +335,8 @@ def make_optimizer(
         {"params": head, "lr": rate * fit["head_factor"], "name": "head"},
     ]
     groups = [group for group in groups if group["params"]]
-    make = build(f"{where}.optimizer", fit["optimizer"], **({"fused": True} if fused else {}))
+    offered = {"lr": rate} | ({"fused": True} if fused else {})  # a class may have no default of lr
+    make = build(f"{where}.optimizer", fit["optimizer"], **offered)
     optimizer = call(f"{where}.optimizer", make, groups)
     make_scheduler = build(
         f"{where}.schedule", fit["schedule"],

@@ -19,6 +19,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.contract_check import FITTED, check_parts
 from tex_lightning.config import Config
 from tex_lightning.config.composition import compose_config, read_config
+from tex_lightning.config.signatures import NAMED, signature_of
 from tex_lightning.data.readers.arrays import write_sample
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import Store
@@ -37,12 +38,7 @@ WIDTH = 0.25  # of a trunk that is made here
 
 def parameters_of(called: Callable[..., Any]) -> dict[str, inspect.Parameter]:
     """Return the parameters by name, without ``*args`` and ``**kwargs``."""
-    try:
-        parameters = inspect.signature(called).parameters
-    except ValueError:  # of a class in C
-        return {}
-    collects = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
-    return {name: item for name, item in parameters.items() if item.kind not in collects}
+    return {name: it for name, it in signature_of(called).parameters.items() if it.kind in NAMED}
 
 
 @dataclass(frozen=True)
