@@ -6,7 +6,7 @@ That is nothing, a number, a date or clock time, or text.
 import csv
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from tex_lightning_runtime.times import STAMP
@@ -22,6 +22,11 @@ NUMBER = re.compile(
 QUANTITY = re.compile(rf"({NUMBER.pattern})\s*(?P<unit>[^\W\d_][^\d\s,;]{{0,5}}\d?|%|°\w?)", re.I)
 THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+")
 POINTS = re.compile(r"[-+]?[1-9]\d{0,2}(\.\d{3})+")
+WHOLE = re.compile(r"[-+]?\d+")
+MARKS: dict[str, tuple[str, str | None]] = {  # decimal, and of thousands
+    ".,": (".", ","), ",.": (",", "."), "decimal ,": (",", None), "decimal .": (".", None),
+    "thousands ,": (".", ","), "thousands .": (",", "."), "maybe ,": (",", None),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -93,20 +98,36 @@ class Kinds:
         return whole and any(one == other == "number" for one, other in pairs)
 
 
-def decimal_mark(cells: Sequence[str]) -> tuple[str, str | None]:
-    """Return the decimal mark and that of thousands, if there is one."""
-    commas = [cell for cell in cells if "," in cell]
-    if both := [cell for cell in commas if "." in cell]:
-        return (",", ".") if both[0].rindex(",") > both[0].rindex(".") else (".", ",")
-    if not commas:
-        points = any(POINTS.fullmatch(cell) and cell.count(".") > 1 for cell in cells)
-        return (",", ".") if points else (".", None)
-    grouped = all(map(THOUSANDS.fullmatch, commas))
-    small = [cell for cell in cells if cell not in commas]
-    if any(cell.count(",") > 1 for cell in commas) or (
-        grouped
-        and small
-        and all(len(re.split(r"[.e]", cell)[0].lstrip("+-")) < 4 for cell in small)
-    ):
-        return ".", ","
-    return ",", None
+def decimal_mark(columns: Iterable[Sequence[str]]) -> tuple[str, str | None]:
+    """Return the decimal mark and that of thousands, if there is one.
+
+    Marks count by column: the whole numbers of a counter say nothing of the fractions beside them.
+
+    Args:
+        columns: The cells of each column that are numbers.
+    """
+    said = Counter(mark for cells in columns if (mark := _mark(cells)))
+    for mark in (",.", ".,", "decimal ,", "decimal .", "thousands ,", "thousands .", "maybe ,"):
+        if said[mark]:
+            return MARKS[mark]
+    return ".", None
+
+
+def _mark(cells: Sequence[str]) -> str:
+    """Say what points and commas in the cells of one column are; "" if there are none."""
+    both = next((cell for cell in cells if "," in cell and "." in cell), None)
+    if both:
+        return ".," if both.rindex(",") < both.rindex(".") else ",."
+    for mark, grouped in ((",", THOUSANDS), (".", POINTS)):
+        marked = [cell for cell in cells if mark in cell]
+        if not marked:
+            continue
+        if not all(map(grouped.fullmatch, marked)):
+            return f"decimal {mark}"
+        whole = [cell for cell in cells if WHOLE.fullmatch(cell)]
+        if any(cell.count(mark) > 1 for cell in marked) or (
+            whole and all(len(cell.lstrip("+-")) < 4 for cell in whole)
+        ):
+            return f"thousands {mark}"
+        return "maybe ," if mark == "," else ""
+    return ""

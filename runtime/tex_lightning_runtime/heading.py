@@ -3,13 +3,12 @@
 import re
 from collections.abc import Sequence
 
-from tex_lightning_runtime.cells import THOUSANDS, Dialect, Kinds, kind
+from tex_lightning_runtime.cells import THOUSANDS, WHOLE, Dialect, Kinds, kind
 from tex_lightning_runtime.resampling import MAX_RATE, MIN_RATE
 from tex_lightning_runtime.times import UNITS, TableError
 
 FOOTER = 10  # lines below the numbers
 COMMENT = re.compile(r"[ \t]*(?:#|%|//)[#%/ \t]*")
-WHOLE = re.compile(r"[-+]?\d+")
 AMOUNT = r"[\"']?[ \t:=,;]+[\"']?(?P<value>\d[\d.,]*(?:e[-+]?\d+)?)[\"']?[ \t,;(]*"
 RATE = re.compile(
     r"(?:\bfs|\bsamp\w*[ _-]?(?:rate|freq\w*)|\babtast(?:rate|frequenz)|^\W*(?:rate|frequency))"

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from tex_lightning_runtime.cells import (
     MISSING,
     NO_SEPARATOR,
+    WHOLE,
     Dialect,
     Kinds,
     decimal_mark,
@@ -15,7 +16,6 @@ from tex_lightning_runtime.cells import (
 )
 from tex_lightning_runtime.heading import (
     COMMENT,
-    WHOLE,
     is_numbering,
     is_rate,
     names_and_units,
@@ -196,8 +196,9 @@ def _with_heading(
         rate, start = float(first[0]), start + 1
     place = len("\n".join(head[:start]).encode()) + (start > 0)
     data, below = without_footer(content[place:], dialect, columns)
-    numbers = [cell for row in columns.rows for cell in row if kind(cell) == "number"]
-    decimal, thousands = decimal_mark(numbers)
+    decimal, thousands = decimal_mark(
+        [cell for cell in column if kind(cell) == "number"] for column in zip(*columns.rows)
+    )
     named, units = names_and_units(heading)
     if named and any(line.startswith("X_Dimension\tTime") for line in above):  # of LabVIEW
         named = tuple("time" if name == "X_Value" else name for name in named)

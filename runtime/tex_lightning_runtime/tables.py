@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tex_lightning_runtime.cells import MISSING, NUMBER, QUANTITY
+from tex_lightning_runtime.cells import MISSING, NUMBER, QUANTITY, decimal_mark
 from tex_lightning_runtime.column import Column
 from tex_lightning_runtime.columns import Reading, separate
 from tex_lightning_runtime.heading import mismatch
@@ -136,7 +136,11 @@ def _numbers(cells: "pd.Series[Any]") -> tuple["pd.Series[Any]", str]:
         return cells.astype(str), ""
     codes, values = pd.factorize(cells)  # each cell of text once
     text = pd.Series(values, dtype=str).str.strip()
-    plain = text.str.replace(BLANKS, "", regex=True).str.replace(",", ".", regex=False)
+    decimal, thousands = decimal_mark([[cell for cell in text if NUMBER.fullmatch(cell)]])
+    plain = text.str.replace(BLANKS, "", regex=True)
+    if thousands:
+        plain = plain.str.replace(thousands, "", regex=False)
+    plain = plain.str.replace(decimal, ".", regex=False)
     if (found := QUANTITY.fullmatch(first)) and not NUMBER.fullmatch(first):  # a unit in every cell
         plain = plain.str.removesuffix(found["unit"])
     numbers = pd.to_numeric(plain, errors="coerce")
