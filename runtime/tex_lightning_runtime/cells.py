@@ -84,6 +84,11 @@ class Kinds:
         return "text" if count.total() > count[""] else ""
 
     @property
+    def empty(self) -> int:
+        """Number of columns without content before the first with any."""
+        return next((n for n, kind in enumerate(self.kinds) if kind), 0)
+
+    @property
     def numeric(self) -> bool:
         """Whether any column holds numbers."""
         return "number" in self.kinds

@@ -8,23 +8,26 @@ from tex_lightning_runtime.resampling import MAX_RATE, MIN_RATE
 from tex_lightning_runtime.times import UNITS, TableError
 
 FOOTER = 10  # lines below the numbers
+ROUND = 25  # Hz, of which a rate that nothing calls so is a multiple
 COMMENT = re.compile(r"[ \t]*(?:#|%|//)[#%/ \t]*")
 AMOUNT = r"[\"']?[ \t:=,;]+[\"']?(?P<value>\d[\d.,]*(?:e[-+]?\d+)?)[\"']?[ \t,;(]*"
 RATE = re.compile(
-    r"(?:\bfs|\bsamp\w*[ _-]?(?:rate|freq\w*)|\babtast(?:rate|frequenz)|^\W*(?:rate|frequency))"
+    r"(?:\bfs|\bodr|\b(?:samp\w*|update|output|data|acquisition)[ _-]?(?:rate|freq\w*)"
+    r"|\b(?:abtast|mess)(?:rate|frequenz)|^\W*(?:rate|frequency))"
     rf"(?:[ ]*[(\[](?P<before>\w+/?\w*)[)\]])?{AMOUNT}(?P<unit>k?hz|ks/s|k?sps|s/s)?",
     re.IGNORECASE,
 )
 PERIOD = re.compile(
-    r"(?:\bsampl\w*[ _-]?(?:interval|period|time)|\bdelta_?x|\bdt)"
+    r"(?:\bsampl\w*[ _-]?(?:interval|period|time)|\bdelta_?x|\bdt|\bt_?inc|^increment)"
     rf"(?:[ ]*[(\[](?P<before>[µμ\w]+)[)\]])?{AMOUNT}(?P<unit>[mµμun]?s\b)?",
     re.IGNORECASE,
 )
 UNIT = re.compile(  # in a row of units
     r"[(\[].*[)\]]|[mµμukM]?(V|A|g|N|Pa|Hz|T|G|W|K|s|m|ohm)|[cm]m|ns|sec|min|%|-|raw|a\.?u\.?|volts?"
-    r"|°\w*|((µ|μ|u|m|k|c)?(m|g|rad|deg|°)|dps|rpm|counts?|lsb|bits?|adc|digits?|seconds?)"
-    r"([/*]s(ec)?(\^?-?2|²|/s)?)?|sequence|gauss|tesla",
+    r"|°\w*|((µ|μ|u|m|k|c)?(m|g|rad|deg|°)|dps|rpm|counts?|lsb|bits?|adc|digits?|[Ss]econds?)"
+    r"([/*]s(ec)?(\^?-?2|²|/s)?)?|[Ss]equence|Volts?|gauss|tesla",
 )
+STATEMENT = re.compile(r"[^=]+=\s*[-+]?[\d.].*")  # between names
 
 
 def read_heading(
@@ -34,9 +37,10 @@ def read_heading(
     rows: list[list[str]] = []
     for line in reversed(above):
         commented, plain = bool(COMMENT.match(line)), COMMENT.sub("", line, count=1)
-        cells = _as_many(plain, dialect, columns.count)
-        if len(cells) == columns.count and any(kind(c) == "text" for c in cells):
-            stated = stated_rate(line) and not rows
+        cells = _as_many(plain, dialect, columns)
+        whole = len(cells) in (columns.count, len(columns.kinds))
+        if whole and any(kind(c) == "text" for c in cells):
+            stated = stated_rate(",".join(cells)) and not rows
             if not stated and all(
                 kind(c) != "stamp" and not re.search(r"\d[.,]\d", c) for c in cells
             ):
@@ -44,11 +48,13 @@ def read_heading(
                 continue
         if rows:
             break
-        if commented:
+        if commented or not any(map(kind, cells)):
+            if not commented and line.strip("-|,;: \t"):  # and no line between
+                notes.append(f"a line without numbers is left out: {line.strip()[:40]!r}")
             continue
         numbers = [kind(cell) in ("number", "stamp") for cell in cells]
         if all(numbers) and len(cells) == 1 and columns.count > 1:
-            return [], _lone_rate(cells[0], notes)
+            return [], lone_rate(cells[0], columns.rows, notes)
         if all(numbers):
             notes.append(f"an incomplete line of numbers is left out: {line.strip()[:40]!r}")
         elif len(cells) > 1 and not any(numbers) and not stated_rate(line):
@@ -57,19 +63,40 @@ def read_heading(
     return rows, None
 
 
-def _as_many(line: str, dialect: Dialect, count: int) -> list[str]:
+def with_statements(above: list[str], dialect: Dialect, count: int) -> list[str]:
+    """Make lines of their own of names that stand beside those of columns, above a number each."""
+    if len(above) < 2:
+        return above
+    names, values = (dialect.cells(line.rstrip(dialect.separator)) for line in above[-2:])
+    beside = [*zip(names, values, strict=False)][count:]
+    constant = all(kind(name) == "text" and kind(value) == "number" for name, value in beside)
+    named = len(names) == len(values) and all(kind(cell) == "text" for cell in values[:count])
+    if not (beside and constant and named):
+        return above
+    lines = [dialect.separator.join(cells[:count]) for cells in (names, values)]
+    return [*above[:-2], *(f"{name}: {value}" for name, value in beside), *lines]
+
+
+def _as_many(line: str, dialect: Dialect, columns: Kinds) -> list[str]:
     """Divide a line of names, which may be divided otherwise than the numbers."""
     best: list[str] = []
+    count = columns.count
     if count == 1:  # a blank may stand in a name, and a unit behind a comma
         return [part for part in re.split(r"[;\t]|,(?! )", line.strip()) if part]
     for separator in (dialect.separator, ",", ";", "\t", " "):
         cells = Dialect(separator, dialect.quote).cells(line)
-        while len(cells) > count and cells[-1].casefold() in ("", "comment"):
+        while len(cells) > count and _is_beside(cells[-1], len(cells) == len(columns.kinds)):
             cells.pop()
         best = best or cells
-        if len(cells) == count:
+        if len(cells) in (count, len(columns.kinds)):
             return cells
     return best
+
+
+def _is_beside(cell: str, has_column: bool) -> bool:
+    """Return whether what stands behind the names of columns names none."""
+    remark = not has_column and cell.casefold() in ("", "comment")
+    return remark or STATEMENT.fullmatch(cell) is not None
 
 
 def names_and_units(heading: list[list[str]]) -> tuple[tuple[str, ...] | None, tuple[str, ...]]:
@@ -80,7 +107,8 @@ def names_and_units(heading: list[list[str]]) -> tuple[tuple[str, ...] | None, t
     if len(heading) > 1 and all(UNIT.fullmatch(cell) for cell in heading[0] if cell):
         units, heading = tuple(heading[0]), heading[1:]
     names = list(heading[0])
-    if len(heading) > 1 and len({*names}) < len(names):  # several levels, as pandas writes them
+    levels = len(heading) > 1 and sum(map(bool, heading[1])) > 1
+    if levels and len({*names}) < len(names):  # several levels, as pandas writes them
         names = [f"{a} {b}".strip() for a, b in zip(heading[1], names, strict=True)]
     return tuple(names), units
 
@@ -99,7 +127,7 @@ def _are_fractions(rows: Sequence[Sequence[str]]) -> bool:
     return all(re.search(r"[.,e]", cell, re.IGNORECASE) for row in rows for cell in row[-1:])
 
 
-def is_rate(first: list[str], rows: Sequence[Sequence[str]]) -> bool:
+def is_beyond(first: list[str], rows: Sequence[Sequence[str]]) -> bool:
     """Return whether a whole number above one column of fractions is far beyond them."""
     if len(first) != 1 or not WHOLE.fullmatch(first[0]) or not _are_fractions(rows):
         return False
@@ -107,20 +135,41 @@ def is_rate(first: list[str], rows: Sequence[Sequence[str]]) -> bool:
     return MIN_RATE <= float(first[0]) <= MAX_RATE and float(first[0]) > 10 * largest
 
 
-def _lone_rate(cell: str, notes: list[str]) -> float | None:
-    """Return a number that stands alone above the table, if it can be a rate."""
+def lone_rate(cell: str, rows: Sequence[Sequence[str]], notes: list[str]) -> float | None:
+    """Return a number that stands alone above the table, if it is a rate.
+
+    It may as well be what is left of a line whose beginning was cut off: rates are round, and are
+    none of the numbers below.
+    """
     value = _amount(cell)
     if value is not None and MIN_RATE <= value <= MAX_RATE:
-        return value
-    notes.append(f"the line {cell!r} above the numbers is left out")
+        below = [abs(number) for row in rows for c in row if (number := _amount(c)) is not None]
+        power = value.is_integer() and int(value).bit_count() == 1
+        if (value % ROUND == 0 or power) and not min(below) <= value <= max(below):
+            return value
+    told = f"; if it is the rate, write fs={cell}" if value and value >= MIN_RATE else ""
+    notes.append(f"the line {cell!r} above the numbers is left out{told}")
     return None
+
+
+def rate_above(lines: Sequence[str]) -> float | None:
+    """Return the rate in Hz that lines state, if they do; a period may be that of the whole."""
+    return next(filter(None, (read(each) for read in (_rate, _period) for each in lines)), None)
 
 
 def stated_rate(line: str) -> float | None:
     """Return the rate in Hz that a line states, if it does."""
+    return rate_above([line])
+
+
+def _rate(line: str) -> float | None:
     if (found := RATE.search(line)) and (value := _amount(found["value"])):
         unit = (found["unit"] or found["before"] or "").casefold()
         return value * (1000 if unit.startswith("k") else 1)
+    return None
+
+
+def _period(line: str) -> float | None:
     if (found := PERIOD.search(line)) and (value := _amount(found["value"])):
         unit = (found["unit"] or found["before"] or "s").replace("µ", "μ").casefold()
         return 1 / (value * UNITS[unit]) if unit in UNITS else None
@@ -129,10 +178,12 @@ def stated_rate(line: str) -> float | None:
 
 def _amount(text: str) -> float | None:
     plain = text.replace(",", "") if THOUSANDS.fullmatch(text) else text.replace(",", ".")
-    try:
-        return float(plain.rstrip("."))
-    except ValueError:
-        return None
+    for each in (plain.rstrip("."), text.partition(",")[0]):  # of several columns
+        try:
+            return float(each)
+        except ValueError:
+            continue
+    return None
 
 
 def without_footer(content: bytes, dialect: Dialect, columns: Kinds) -> tuple[bytes, list[str]]:

@@ -16,11 +16,14 @@ from tex_lightning_runtime.cells import (
 )
 from tex_lightning_runtime.heading import (
     COMMENT,
+    is_beyond,
     is_numbering,
-    is_rate,
+    lone_rate,
     names_and_units,
+    rate_above,
     read_heading,
     stated_rate,
+    with_statements,
     without_footer,
 )
 from tex_lightning_runtime.plain_text import (
@@ -87,13 +90,25 @@ def find_layout(content: bytes) -> tuple[bytes, Layout]:
     width = Counter(map(len, rows)).most_common(1)[0][0]
     columns = Kinds([row for row in rows if len(row) == width])
     head = content[:HEAD].decode(errors="replace").split("\n")
-    start = next((n for n, line in enumerate(head) if columns.fit(dialect.cells(line))), len(head))
+    start = _first_row(columns, dialect, head)
     if not columns.numeric or start == len(head):
         raise TableError("holds no numbers in columns; give one sample a line")
     if _undivided(columns, head, start, dialect.separator):
         dialect = Dialect(NO_SEPARATOR, dialect.quote)
         columns = Kinds([dialect.cells(line) for line in lines])
     return _with_heading(content, dialect, columns, head, start, names)
+
+
+def _first_row(columns: Kinds, dialect: Dialect, head: list[str]) -> int:
+    """Return the place of the first whole row.
+
+    Nothing may stand left of it, unless rows begin in the first line, as scopes write settings.
+    """
+    rows = [dialect.cells(line) for line in head]
+    fitting = [n for n, cells in enumerate(rows) if columns.fit(cells)]
+    if fitting[:1] == [0]:
+        return 0
+    return next((n for n in fitting if not any(rows[n][: columns.empty])), len(head))
 
 
 def _undecorated(content: bytes, given: str | None) -> tuple[bytes, list[str], Dialect]:
@@ -185,19 +200,22 @@ def _with_heading(
     """Read what stands above and below the numbers, and how these are written."""
     above = [line for line in head[:start] if line.strip(" \t,;")]
     notes: list[str] = []
+    above = with_statements(above, dialect, columns.count)
     heading, rate = ([names], None) if names else read_heading(above, dialect, columns, notes)
-    rate = rate or next(filter(None, map(stated_rate, above)), None)
+    left = head[start : start + SAMPLE] if columns.empty else []  # of the numbers
+    rate = rate or rate_above([*above, *left])
     if names and above and re.search(r"[:=]\s*[-+.\d]", above[-1]) and not rate:
         notes.append(f"an incomplete line of numbers is left out: {above[-1].strip()[:40]!r}")
     first = dialect.cells(head[start])
     if not heading and is_numbering(first, columns.rows):
         heading, start = [first], start + 1
-    elif not heading and is_rate(first, columns.rows):
-        rate, start = float(first[0]), start + 1
+    elif not heading and is_beyond(first, columns.rows):
+        rate, start = lone_rate(first[0], columns.rows, notes), start + 1
     place = len("\n".join(head[:start]).encode()) + (start > 0)
     data, below = without_footer(content[place:], dialect, columns)
     decimal, thousands = decimal_mark(
-        [cell for cell in column if kind(cell) == "number"] for column in zip(*columns.rows)
+        [cell for cell in column if kind(cell) == "number"]
+        for column in zip(*columns.rows, strict=True)
     )
     named, units = names_and_units(heading)
     if named and any(line.startswith("X_Dimension\tTime") for line in above):  # of LabVIEW

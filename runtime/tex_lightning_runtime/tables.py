@@ -147,7 +147,7 @@ def _numbers(cells: "pd.Series[Any]") -> tuple["pd.Series[Any]", str]:
     if not numbers.isna().any():
         every = np.append(numbers.to_numpy(np.float64), np.nan)  # the last one is of no code
         return pd.Series(every[codes]), ""
-    if not text.str.match(r"[-+]?\.?\d").any():
+    if not text.str.match(r"[-+]?\.?\d").any() or cells.isna().mean() > 0.5:  # or remarks
         return cells, ""
     wrong = numbers.isna().to_numpy().argmax()
     return cells, f"{text[wrong]!r} at sample {(codes == wrong).argmax()}"

@@ -29,16 +29,21 @@ UNITS: dict[str, float] = {  # in seconds
 }
 SHORT = ("s", "ms", "us", "ns", "min", "h", "d")  # what a message proposes
 EPOCH = (9e8, 4.2e9)  # seconds since 1970: 1998 to 2103
-DAY = 86_400.0
+DAY, HOUR = 86_400.0, 3600.0
+MIN_STAMPS = 5  # different ones that repeat; the rate by fewer may be off by a fifth
 EVEN = 0.01  # of a step, up to which samples stay as they are
 GAP = 2.5  # steps, above which samples are missing; times rounded to few digits reach 2
 LARGE_GAP = 10  # steps, from which on it is said
 MAX_FILLED = 2  # times as many samples, beyond which most of a recording would be made up
 MAX_DRIFT = 0.05  # of the duration, by which repeated times may lie beside even ones
-DATE = r"(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4})"
+DATE = (
+    r"(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4}"
+    r"|\d{1,2}[-/. ][^\W\d_]{3,9}\.?[-/. ]\d{2,4})"  # 07-May-2026
+)
+DAYS = r"(?:\d+ days?,?)"  # of pandas and Python
 CLOCK = r"\d{1,4}:\d{2}(?::\d{2})?(?:[.,:]\d+)?"
 ZONE = r"(?:\s*(?:[AaPp]\.?[Mm]\.?|Z|UTC|GMT|[-+]\d{2}(?::?\d{2})?))*"
-STAMP = re.compile(rf"(?:{DATE}(?:[T\s,]\s*{CLOCK}{ZONE})?|{CLOCK}{ZONE})")
+STAMP = re.compile(rf"(?:{DATE}(?:[T\s,]\s*{CLOCK}{ZONE})?|(?:{DAYS}\s+)?{CLOCK}{ZONE})")
 ONLY_DATE = re.compile(DATE)
 
 
@@ -76,13 +81,13 @@ def _clock_seconds(text: "pd.Series[str]") -> Array:
     """Read clock times, perhaps behind dates: only differences count, of less than half a turn."""
     import pandas as pd
 
-    turn = DAY / 2 if re.search(r"[AaPp]\.?[Mm]", text.iloc[0]) else DAY
+    turn = DAY / 2 if re.search(r"[AaPp]\.?[Mm]", re.sub(DATE, "", text.iloc[0])) else DAY
     text = text.str.extract(rf"({CLOCK}){ZONE}$", expand=False)
     first = str(text.iloc[0])
     if re.fullmatch(r"\d+:\d\d:\d\d:\d+", first):  # 10:00:00:500
         text = text.str.replace(r":(?=\d+$)", ".", regex=True)
     elif not re.match(r"\d+:\d\d:", first):  # minutes and seconds, as Excel shows them
-        text = "00:" + text
+        text, turn = "00:" + text, HOUR
     seconds = np.asarray(pd.to_timedelta(text).dt.total_seconds(), np.float64) % turn
     begun = np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -turn / 2)
     return np.asarray(seconds - seconds[0] + turn * begun)
@@ -166,6 +171,11 @@ def _repeated(times: Array, samples: Array) -> Even:
     step = float(places @ times / (places @ places))
     drift = np.abs(times - times.mean() - step * places).max()
     rises = np.diff(times)
+    if (rises > 0).sum() < MIN_STAMPS - 1:
+        raise TableError(
+            f"has times that repeat within {rises.max():.3g} s, too coarse for the rate; delete "
+            "that column and give data.file_rate"
+        )
     if drift > max(MAX_DRIFT * (times[-1] - times[0]), 1.5 * rises[rises > 0].min()):
         raise TableError(
             f"has times that repeat at sample {int(np.argmin(rises)) + 1} and leave gaps "
