@@ -16,6 +16,7 @@ from tex_lightning_runtime.cells import (
 )
 from tex_lightning_runtime.heading import (
     COMMENT,
+    UNIT,
     is_beyond,
     is_numbering,
     lone_rate,
@@ -42,6 +43,7 @@ WORDS = {"stamp": "object", "text": "category"}  # as which pandas reads them
 SAMPLE, SHOWN = 40, 400  # lines that the dialect is found in, letters of each
 SEPARATORS = [",", ";", "\t", "|", " "]
 SEP = re.compile(rb'"?sep=(.)"?[ \t]*\n', re.IGNORECASE)  # of Excel
+UNIT_BEHIND = re.compile(rf"(?<=\d) +(?:{UNIT.pattern})(?=[ ]*(?:[,;\t|]|$))")  # of a number
 ZERO_FIRST = re.compile(r"[-+]?0\d+|[-+]0")
 
 
@@ -153,7 +155,7 @@ def _dialect(lines: list[str], given: str | None) -> tuple[str, str]:
     """Find separator and quotes in lines of numbers."""
     import clevercsv
 
-    text = "\n".join(line.strip(" ")[:SHOWN] for line in lines)
+    text = "\n".join(UNIT_BEHIND.sub("", line.strip(" ")[:SHOWN]) for line in lines)
     found = clevercsv.Detector().detect(text, delimiters=SEPARATORS)
     separator, quote = (found.delimiter, found.quotechar) if found else ("", "")
     if given:

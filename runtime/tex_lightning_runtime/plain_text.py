@@ -27,14 +27,18 @@ UTF = {  # by the mark at the beginning
     b"\xfe\xff": "utf-16",
 }
 WESTERN = {*"°µ²³·äöüÄÖÜßéèêàçñóúíáã±´’–×§"}  # letters of units and names, read as cp1252
-COMMENT = re.compile(rb"(?m)^[ \t]*(?:#|%|//).*(?:\n|\Z)")
+COMMENT = re.compile(  # and none of #N/A, #DIV/0!, #VALUE!, which a sheet has in place of numbers
+    rb"(?m)^[ \t]*(?:#(?!N/A|NV\b|[A-Z\x80-\xff/0]+[!?])|%|//).*(?:\n|\Z)"
+)
+BROKEN = re.compile(rb'(?<![^\n,;\t])"([^"\n]{0,80}(?:\n[^"\n]{0,80}){1,3})"(?=[,;\t\n])')  # names
+MINUS = "\u2212".encode()
 ARROW = re.compile(  # of monitors of serial ports: 10:00:00.001 -> 0.1
     rb"(?m)^[ \t]*\[?((?:[\d./-]+[ T])?\d{1,2}:\d\d:\d\d(?:[.,:]\d+)?)"
     rb"(?:\][ \t]*(?:->)?|[ \t]*[-=]?>)[ \t]*"
 )
 PAIR = re.compile(  # name:number or name=number, as plotters of serial ports read them
-    rb"(?m)(?:^|(?<=[\s,;|{]))[\"']?([A-Za-z_\x80-\xff][\w.\x80-\xff/()^-]*)[\"']?"
-    rb"[ \t]*[:=][ \t]*(?=[-+]?\.?\d)"
+    rb"(?m)(?:^|(?<=[\s,;|{]))[\"']?((?:[A-Za-z]\w* )?[A-Za-z_\x80-\xff][\w.\x80-\xff/()^-]*)"
+    rb"[\"']?[ \t]*[:=][ \t]*(?=[-+]?\.?\d)"
 )
 
 
@@ -55,7 +59,10 @@ def read_plain(path: Path) -> bytes:
         raise TableError(f"has NUL bytes in line {line}, as power failures leave; cut them out")
     if b"\r" in content:
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    return content
+    if b'"' in content[:HEAD]:  # lines within a cell
+        names = BROKEN.sub(lambda found: found[0].replace(b"\n", b" "), content[:HEAD])
+        content = names + content[HEAD:]
+    return content.replace(MINUS, b"-")
 
 
 def check_size(path: Path) -> None:

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".txt", ".csv", ".tsv", ".lvm")
 FIELDS = re.compile(r"Expected (\d+) fields in line (\d+), saw (\d+)")
+FORTRAN = r"(?<=[\d.])[dD](?=[-+]\d)"  # 1.5D+03
 BLANKS = r"[\s'’\u00a0\u202f]"  # in numbers of many digits
 
 
@@ -141,6 +142,7 @@ def _numbers(cells: "pd.Series[Any]") -> tuple["pd.Series[Any]", str]:
     if thousands:
         plain = plain.str.replace(thousands, "", regex=False)
     plain = plain.str.replace(decimal, ".", regex=False)
+    plain = plain.str.replace(FORTRAN, "e", regex=True)
     if (found := QUANTITY.fullmatch(first)) and not NUMBER.fullmatch(first):  # a unit in every cell
         plain = plain.str.removesuffix(found["unit"])
     numbers = pd.to_numeric(plain, errors="coerce")
