@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tex_lightning_runtime.samples import Array
+from tex_lightning_runtime.samples import MAX_AXES, Array
 from tex_lightning_runtime.times import (
     ONLY_DATE,
     STAMP,
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 TIMES = {  # one of them makes a column one of time
     "time", "times", "timestamp", "timestamps", "datetime", "zeit", "zeiten", "zeitstempel",
     "uhrzeit", "temps", "tiempo", "tempo", "tijd", "czas", "epoch", "epoc", "elapsed", "时间",
-    "時間", "время",
+    "時間", "время", "시간",
 }  # fmt: skip
 OF_TIME = {  # a name is one of time if all of its words are such
     *TIMES, *UNITS, "t", "date", "clock", "stamp", "unix", "ts", "since", "start", "boot", "utc",
@@ -41,16 +41,20 @@ INDICES = {
 NUMBERS = {"number", "num", "no", "nr", "count", "counts", "n", "i"}
 COUNTED = {"sample", "samples", "row", "rows", "line", "frame", "frames", "record", "step", "point"}
 LABELS = {"label", "labels", "class", "target", "activity", "category", "annotation", "groundtruth"}
+DATES = {"date", "datum", "year", "month", "day"}  # whole numbers
 STATES = {  # whole numbers so called are no measurement
     "surface", "material", "terrain", "texture", "user", "subject", "participant", "person",
     "trial", "session", "run", "group", "fold", "experiment", "series", "measurement", "event",
     "marker", "repetition", "rep", "block",
 }  # fmt: skip
+SENSORS = {"sensor", "channel", "node", "device", "imu", "axis", "source", "address"}
 IDS = {"id", "ids", "uid", "uuid", "guid"}
 NO_UNITS = re.compile(
     r"[-+\d:]*|utc|gmt|unix|epoch|txt|local|n|hh.*|yyyy.*|mm.*|dd.*|iso.*|since.*"
 )
+SEEN = 100  # cells
 USUAL = 0.9  # of the steps of a counter, which may begin anew or miss some
+GLUED = ("time", "timestamp", "zeit")  # unixtime
 UNNAMED = re.compile(r"(unnamed: \d+(_level_\d+)?(\.\d+)?)?")
 
 
@@ -89,6 +93,11 @@ class Column:
         return self.is_text and _is(STAMP, self.values.iloc[0])
 
     @property
+    def has_fractions(self) -> bool:
+        """Whether clock times in its cells have fractions of a second."""
+        return bool(re.search(r":\d\d[.,]\d|\d:\d\d:\d\d:\d", str(self.values.iloc[0])))
+
+    @property
     def units(self) -> list[str]:
         """Units that name and row of units state, in small letters."""
         stated = [*re.findall(r"[(\[]([^)\]]*)[)\]]", self.name), self.unit.strip("()[] ")]
@@ -104,6 +113,9 @@ class Column:
         words, units = {*self.words}, {*UNITS} - {*self.words[:1]}
         if self.is_text or not self.named or words & NO_TIMES:
             return False
+        in_time = self.first and "/" not in self.name and not {*self.units}.isdisjoint(UNITS)
+        if (in_time or any(word.endswith(GLUED) for word in words)) and self._rises():
+            return True
         if words - units == {"t"}:  # or a temperature
             return all(unit in UNITS for unit in self.units) and self._rises()
         return bool(words & TIMES) or (bool(words) and words <= OF_TIME and self._rises())
@@ -121,8 +133,10 @@ class Column:
             return "" if self.fault else "date" if self.is_stamp else "text"
         if not self.named:
             return ""
-        if words & {"dt"} or {"delta", "t"} <= words:
+        if words & {"dt"} or ({"delta"} < words and words <= OF_TIME | {"delta", "s"}):
             return "steps of time"
+        if words and words <= DATES and self._is_whole():
+            return "date"
         few = max(1, len(self.values) // 10)
         if (
             (words and words <= LABELS | STATES)
@@ -131,6 +145,39 @@ class Column:
         ):
             return "label"
         return "counter" if self._counts() else ""
+
+    @property
+    def turns(self) -> int:
+        """Number of things whose rows take turns, as the column names them; 0 if none do."""
+        import pandas as pd
+
+        words = {*self.words}
+        sensors = self.named and bool(words) and words <= SENSORS and not self.is_text
+        if not sensors and self.reason() not in ("id", "label", "text"):
+            return 0
+        codes, values = pd.factorize(self.values)
+        count = len(values)
+        if not 2 <= count <= min(MAX_AXES, len(codes) // 4):
+            return 0
+        if sensors:  # or a quiet sensor
+            return count if (codes[count:] == codes[:-count]).mean() > USUAL else 0
+        return count if (np.diff(codes) != 0).mean() > 0.5 else 0
+
+    @property
+    def change(self) -> int:
+        """Number of the first sample with another value, if there are few values; else 0."""
+        first = self.values.ne(self.values.iloc[0]).to_numpy()
+        few = first.any() and self.values.nunique() <= max(2, len(self.values) // 10)
+        return int(first.argmax()) if few else 0
+
+    @property
+    def hidden(self) -> str:
+        """A cell of text that holds a number which changes; "" if there is none, or few cells."""
+        cells = [str(cell) for cell in self.values.iloc[:SEEN].dropna()]
+        if len(cells) < USUAL * min(SEEN, len(self.values)):
+            return ""
+        numbers = [cell for cell in cells if re.search(r"\d[.,]\d", cell)]
+        return numbers[0] if len({*numbers}) > 0.5 * len(cells) else ""
 
     def _is_whole(self) -> bool:
         return self.values.dtype.kind in "iu" or bool((self.values % 1 == 0).all())
@@ -142,11 +189,14 @@ class Column:
     def _counts(self) -> bool:
         """Whether whole numbers are called and go up as those of a counter, or all stay."""
         words = {*self.words}
-        called = self.name == "#" or words & (INDICES | NUMBERS | COUNTED)
+        called = self.name == "#" or bool(words & (INDICES | NUMBERS | COUNTED))
+        called = called or "sequence" in self.units
         if not called or not self._is_whole():
             return False
         steps = np.diff(np.asarray(self.values, np.float64))
-        if words & INDICES:  # several samples may have one number, and counters begin anew
+        if (
+            words & INDICES or "sequence" in self.units
+        ):  # several samples may have one number, and counters begin anew
             return not len(steps) or float((steps >= 0).mean()) > USUAL
         if not len(steps):
             return False

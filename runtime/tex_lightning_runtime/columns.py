@@ -1,15 +1,18 @@
 """Axes, times and rate out of all columns of a table."""
 
+import math
 import re
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from tex_lightning_runtime.column import Column, missing
 from tex_lightning_runtime.samples import Array, Channels
-from tex_lightning_runtime.times import EVEN, Even, TableError, even_samples
+from tex_lightning_runtime.times import DAY, EVEN, HOUR, UNITS, Even, TableError, even_samples
 
+TURNS = {HOUR: DAY, 60.0: HOUR}  # seconds after which hours and minutes begin anew
 MIN_RISING = 8  # samples; fewer numbers may rise by chance
 
 
@@ -54,7 +57,8 @@ def separate(
     Raises:
         TableError: If there are no axes, or times or numbers cannot be understood.
     """
-    time, times, others = _time(columns, time_unit)
+    _check_turns(columns)
+    time, times, others = _time(columns, time_unit, rate)
     axes, left = _divided(columns, channels, time, others)
     if channels is not None:
         axes = _chosen(channels, axes, columns)
@@ -64,7 +68,7 @@ def separate(
         found = even_samples(times, samples)
         said = f"times in {_title(time)}{found.said}"
     names = tuple(column.name for column in axes) if axes[0].named else ()
-    notes = (*(_warned(axes) if times is None else ()), *found.notes)
+    notes = (*(_warned(axes) if times is None else ()), *_joined(columns), *found.notes)
     return found.samples, found.rate or None, Reading(names, said, left, notes)
 
 
@@ -80,7 +84,23 @@ def _divided(
         axes, reasons = counters, {c: why for c, why in reasons.items() if c not in counters}
     if not axes:
         raise TableError("has no column of measured numbers; check its separator and its names")
+    for column in (c for c, why in reasons.items() if why == "text" and channels is None):
+        if cell := column.hidden:
+            raise TableError(
+                f"has {cell!r} in {_title(column)}, a number within text; write numbers alone, or "
+                "choose the others by data.channels"
+            )
     return axes, tuple(f"{_title(column)} ({why})" for column, why in reasons.items() if why)
+
+
+def _check_turns(columns: list[Column]) -> None:
+    """Reject rows of several sensors, or of several axes, that take turns."""
+    for column in columns:
+        if column.turns:
+            raise TableError(
+                f"has rows of {column.turns} kinds in turn by {_title(column)}; write each kind "
+                "into a file of its own, or delete that column"
+            )
 
 
 def _warned(axes: list[Column]) -> list[str]:
@@ -91,6 +111,16 @@ def _warned(axes: list[Column]) -> list[str]:
     return [f"{_title(axes[0])} rises evenly and is read as an axis; {how}"] if even else []
 
 
+def _joined(columns: list[Column]) -> list[str]:
+    """Say of columns that number recordings that several of them are read as one."""
+    return [
+        f"{_title(column)} changes at sample {place}: what follows each other is read as one "
+        "recording"
+        for column in columns
+        if column.named and column.reason() in ("id", "label") and (place := column.change)
+    ]
+
+
 def _title(column: Column) -> str:
     if not column.named:
         return f"column {column.name}"
@@ -98,9 +128,13 @@ def _title(column: Column) -> str:
 
 
 def _time(
-    columns: list[Column], time_unit: str | None
+    columns: list[Column], time_unit: str | None, rate: float | None
 ) -> tuple[Column | None, Array | None, list[Column]]:
-    """Return the column of time, its seconds, and further ones; the finest is taken."""
+    """Return the column of time, its seconds, and further ones; the finest is taken.
+
+    Where a rate stands above the table, the first numbers that rise by its period are times, and
+    times without a unit are not needed.
+    """
     found, failed = [], None
     parts = _fractions(columns)
     candidates = [column for column in columns if column.is_time or column in parts]
@@ -112,28 +146,56 @@ def _time(
             continue
         steps = np.diff(seconds)
         found.append(((steps <= 0).sum() if (steps >= 0).all() else np.inf, column, seconds))
+    if not found and failed and not rate:
+        raise failed
+    first = next((c for c in columns if not c.is_text and c not in candidates), None)
+    if not found and first and rate:
+        steps = np.diff(np.asarray(first.values, np.float64))
+        if len(steps) > MIN_RISING and (np.abs(steps * rate - 1) < EVEN).all():
+            return first, np.append(0.0, np.cumsum(steps)), candidates
     if not found:
-        if failed:
-            raise failed
-        return None, None, []
+        return None, None, candidates
     _, time, seconds = min(found, key=lambda each: each[0])
     return time, seconds, [column for column in candidates if column is not time]
 
 
 def _fractions(columns: list[Column]) -> dict[Column, Array]:
-    """Return times that stand in two columns: whole seconds and nanoseconds, as ROS has them."""
-    found = {}
-    numbers = [column for column in columns if column.named and not column.is_text]
-    for whole in numbers:
-        for part in numbers:
-            if (
-                whole.words[:-1] == part.words[:-1]
-                and whole.words[-1:] in (("sec",), ("secs",))
-                and part.words[-1:] in (("nsec",), ("nsecs",), ("nanosec",), ("nanosecs",))
-            ):
-                since = [np.asarray(c.values - c.values.iloc[0], np.float64) for c in (whole, part)]
-                found[whole] = found[part] = since[0] + 1e-9 * since[1]
+    """Return times that stand in several columns: seconds and nanoseconds, as ROS has them.
+
+    Hours, minutes and seconds are such, and milliseconds beside a clock without fractions.
+    """
+    groups: dict[tuple[str, ...], dict[float, Column]] = defaultdict(dict)
+    for column in columns:
+        unit = "".join(column.words[-1:])
+        if column.named and not column.is_text and len(unit) > 1 and unit in UNITS:
+            groups[column.words[:-1]][UNITS[unit]] = column
+    found: dict[Column, Array] = {}
+    for parts in groups.values():
+        if (times := _summed(parts)) is not None:
+            found |= dict.fromkeys(parts.values(), times)
+    whole = next((c for c in columns if c.is_time and c.is_text and not c.has_fractions), None)
+    if whole is not None and whole not in found:
+        for part, beside in groups[()].items():
+            if beside not in found and (times := _summed({1.0: whole, part: beside})) is not None:
+                found |= dict.fromkeys((whole, beside), times)
     return found
+
+
+def _summed(parts: Mapping[float, Column]) -> Array | None:
+    """Return the sum of times by their units in seconds, if each stays below the next larger."""
+    units = sorted(parts, reverse=True)
+    times = []
+    for unit, larger in zip(units, [math.inf, *units], strict=False):
+        column = parts[unit]
+        values = column.seconds(None) if column.is_text else np.asarray(column.values)
+        small = (values >= 0).all() and (values * unit < larger).all()
+        if len(units) < 2 or not small or (unit != units[-1] and (values % 1).any()):
+            return None
+        times.append(unit * np.asarray(values - values[0], np.float64))
+    total: Array = np.sum(times, axis=0)
+    if turn := TURNS.get(units[0]):
+        total += turn * np.cumsum(np.diff(total, prepend=total[:1]) < -turn / 2)
+    return total
 
 
 def _find(name: str, columns: list[Column]) -> Column:

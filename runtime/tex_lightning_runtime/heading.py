@@ -12,7 +12,7 @@ ROUND = 25  # Hz, of which a rate that nothing calls so is a multiple
 COMMENT = re.compile(r"[ \t]*(?:#|%|//)[#%/ \t]*")
 AMOUNT = r"[\"']?[ \t:=,;]+[\"']?(?P<value>\d[\d.,]*(?:e[-+]?\d+)?)[\"']?[ \t,;(]*"
 RATE = re.compile(
-    r"(?:\bfs|\bodr|\b(?:samp\w*|update|output|data|acquisition)[ _-]?(?:rate|freq\w*)"
+    r"(?:\bfs|\bodr|\b(?:samp\w*|update|output(?:[ _-]data)?|acquisition)[ _-]?(?:rate|freq\w*)"
     r"|\b(?:abtast|mess)(?:rate|frequenz)|^\W*(?:rate|frequency))"
     rf"(?:[ ]*[(\[](?P<before>\w+/?\w*)[)\]])?{AMOUNT}(?P<unit>k?hz|ks/s|k?sps|s/s)?",
     re.IGNORECASE,

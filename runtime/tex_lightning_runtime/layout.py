@@ -106,11 +106,11 @@ def _first_row(columns: Kinds, dialect: Dialect, head: list[str]) -> int:
 
     Nothing may stand left of it, unless rows begin in the first line, as scopes write settings.
     """
-    rows = [dialect.cells(line) for line in head]
-    fitting = [n for n, cells in enumerate(rows) if columns.fit(cells)]
-    if fitting[:1] == [0]:
-        return 0
-    return next((n for n in fitting if not any(rows[n][: columns.empty])), len(head))
+    for number, line in enumerate(head):
+        cells = dialect.cells(line)
+        if columns.fit(cells) and (number == 0 or not any(cells[: columns.empty])):
+            return number
+    return len(head)
 
 
 def _undecorated(content: bytes, given: str | None) -> tuple[bytes, list[str], Dialect]:

@@ -26,6 +26,7 @@ UNITS: dict[str, float] = {  # in seconds
     **dict.fromkeys(("h", "hr", "hrs", "hour", "hours"), 3600.0),
     **dict.fromkeys(("d", "day", "days"), 86_400.0),
     **{"с": 1.0, "сек": 1.0, "мс": 1e-3, "мкс": 1e-6, "秒": 1.0, "毫秒": 1e-3, "微秒": 1e-6},
+    **{"초": 1.0, "밀리초": 1e-3},
 }
 SHORT = ("s", "ms", "us", "ns", "min", "h", "d")  # what a message proposes
 EPOCH = (9e8, 4.2e9)  # seconds since 1970: 1998 to 2103

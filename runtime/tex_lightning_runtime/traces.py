@@ -115,7 +115,9 @@ def _read_file(path: Path, channels: Channels, time_unit: str | None) -> Signal:
         raise UserError(
             f"Trace {path} cannot be read ({reason(error)}); correct or replace the file."
         ) from error
-    if table.size > MAX_SAMPLES or (trace := axes_first(table)) is None:
+    named = suffix in SUFFIXES and bool(reading.axes)  # which says what the columns are
+    trace = table if named else axes_first(table)
+    if table.size > MAX_SAMPLES or trace is None or len(trace) > MAX_AXES:
         raise UserError(
             f"Trace {path} has the shape {table.shape}; a trace has samples of 1 to {MAX_AXES} "
             "channels."
