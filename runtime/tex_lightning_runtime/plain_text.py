@@ -42,8 +42,8 @@ PAIR = re.compile(  # name:number or name=number, as plotters of serial ports re
 )
 
 
-def read_plain(path: Path) -> bytes:
-    r"""Return the content of a file of text in UTF-8, with lines that end in ``\n``.
+def read_utf8(path: Path) -> bytes:
+    """Return the content of a file of text in UTF-8.
 
     Raises:
         TableError: If it is no text, or too much.
@@ -57,6 +57,12 @@ def read_plain(path: Path) -> bytes:
     if b"\0" in content:
         line = content[: content.index(b"\0")].count(b"\n") + 1
         raise TableError(f"has NUL bytes in line {line}, as power failures leave; cut them out")
+    return content
+
+
+def read_plain(path: Path) -> bytes:
+    r"""Return the content as :func:`read_utf8` does, with lines that end in ``\n``."""
+    content = read_utf8(path)
     if b"\r" in content:
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if b'"' in content[:HEAD]:  # lines within a cell

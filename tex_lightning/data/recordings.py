@@ -11,8 +11,9 @@ import unicodedata
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from io import StringIO
 from numbers import Integral, Real
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,8 @@ from tex_lightning.core.files import resolved
 from tex_lightning.errors import UserError, reason, shorten
 from tex_lightning.text import from_cell, to_cell
 from tex_lightning_runtime.files import has_long_line, is_file
+from tex_lightning_runtime.plain_text import read_utf8
+from tex_lightning_runtime.times import TableError
 
 Part = tuple[float, float]
 WHOLE: Part = (0.0, 1.0)
@@ -75,6 +78,7 @@ KNOWN = (*COLUMNS, RATE, PART, FOLD)
 SAMPLING = re.compile(  # names that a column of rates may have
     r"(sampl(e|es|ed|ing)?|acquisition|audio)(rate|freq\w*)(s|inhz|hz|khz)?|fs|k?hz|rate(in)?k?hz"
 )
+SEPARATORS = ",;\t|"
 NUMBER = re.compile("[0-9]{1,18}")  # longer ones are names
 Conditions = tuple[tuple[str, str], ...]
 
@@ -206,6 +210,12 @@ def class_indices(labels: Iterable[str], classes: Sequence[str]) -> list[int]:
     return [index[label] for label in labels]
 
 
+def sense_called(name: str) -> str:
+    """Return the modality of the package that a name means in any case or plural, else the name."""
+    plain = name.casefold().removesuffix("s")
+    return plain if plain in MODALITIES else name
+
+
 def name_one(modality: str) -> str:
     """Return the name of one recording of a modality."""
     return NAMES.get(modality, f"{modality} recording")
@@ -251,16 +261,12 @@ def read_manifest(path: Path) -> Recordings:
     try:
         if has_long_line(path):
             raise ValueError("it has a line of more than 1 MiB")
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            first = stream.readline()
-            stream.seek(0)
-            delimiter = ";" if ";" in first and "," not in first else ","
-            names = [name.strip() for name in next(csv.reader(stream, delimiter=delimiter), ())]
-            reader = csv.DictReader(stream, names, delimiter=delimiter, restval="")
-            lines = {f"Manifest {path}, line {reader.line_num + 1}": line for line in reader}
+        delimiter, names, lines = _read_lines(path)
+    except TableError as error:
+        raise UserError(f"Manifest {path} {reason(error)}.") from error
     except (OSError, ValueError, csv.Error) as error:
         raise UserError(
-            f"Manifest {path} is not a UTF-8 CSV file ({reason(error)}); save it as CSV."
+            f"Manifest {path} is not a CSV file ({reason(error)}); save it as CSV."
         ) from error
     for name in names:
         if (meant := _nearly(name)) is not None:
@@ -273,7 +279,13 @@ def read_manifest(path: Path) -> Recordings:
             f"Manifest {path} has no column {' or '.join(missing)}; its first line must name "
             f"{','.join(COLUMNS)}."
         )
-    rows = [_read_line(path.parent, line) for line in lines.values()]
+    for where, line in lines.items():
+        if beyond := "".join(line.get(None, ())).strip():  # of csv.DictReader
+            raise UserError(
+                f"{where} has more cells than there are columns, {shorten(repr(beyond))}; put "
+                f'"quotes" around a cell that has {delimiter!r} in it.'
+            )
+    rows = [_read_line(path.parent, line, delimiter) for line in lines.values()]
     for where, row in zip(lines, rows, strict=True):
         check_row(row, where)
     check_distinct(f"Manifest {path}", rows)
@@ -283,6 +295,25 @@ def read_manifest(path: Path) -> Recordings:
     folds, notes = _fixed_folds(cells)
     placed = zip(rows, folds, strict=True)
     return Recordings(tuple(replace(row, fold=fold) for row, fold in placed), notes)
+
+
+def _read_lines(path: Path) -> tuple[str, list[str], dict[str, dict[Any, Any]]]:
+    """Return the separator, the names of the columns, and by their place the lines with content."""
+    stream = StringIO(read_utf8(path).decode(), newline="")
+    begin, above, first = 0, 1, stream.readline()
+    if first.casefold().startswith("sep="):  # of Excel
+        begin, above = stream.tell(), 2
+        first = stream.readline()
+    delimiter = max(SEPARATORS, key=lambda mark: len({*_names([first], mark)} & {*KNOWN}))
+    stream.seek(begin)
+    names = _names(stream, delimiter)
+    reader = csv.DictReader(stream, names, delimiter=delimiter, restval="")
+    lines = {f"Manifest {path}, line {reader.line_num + above}": line for line in reader}
+    return delimiter, names, {place: line for place, line in lines.items() if any(line.values())}
+
+
+def _names(lines: Iterable[str], delimiter: str) -> list[str]:
+    return [name.strip() for name in next(csv.reader(lines, delimiter=delimiter), ())]
 
 
 def _fixed_folds(cells: Mapping[str, str]) -> tuple[list[int | None], tuple[str, ...]]:
@@ -330,23 +361,34 @@ def write_manifest(recordings: Recordings, path: Path) -> None:
             writer.writerow(map(to_cell, cells))
 
 
-def _read_line(folder: Path, line: dict[str, str]) -> Recording:
-    """Make the recording of a line; what cannot be parsed stays text for :func:`check_row`.
-
-    Cells beyond the columns of the table are left out.
-    """
+def _read_line(folder: Path, line: dict[str, str], delimiter: str) -> Recording:
+    """Make the recording of a line; what cannot be parsed stays text for :func:`check_row`."""
     cells = {name: from_cell(value) for name, value in line.items() if name}
     group, part, rate = (cells.get(name, "") for name in ("group", PART, RATE))
     conditions = ((name, value) for name, value in cells.items() if value and name not in KNOWN)
     return Recording(
         cells["label"],
-        cells["modality"],
-        resolved(folder / cells["path"]),
+        sense_called(cells["modality"].strip()),
+        resolved(_existing(folder, cells["path"])),
         int(group) if NUMBER.fullmatch(group.strip()) else group.strip(),
-        _parsed(float, rate.replace(",", ".")),
+        _parsed(float, _plain_number(rate, delimiter)),
         tuple(conditions),
         _parsed(read_part, part),
     )
+
+
+def _existing(folder: Path, name: str) -> Path:
+    """Return a file, perhaps one whose name has blanks around it, or is written as of Windows."""
+    forms = (name, name.strip(), PureWindowsPath(name.strip()).as_posix())
+    return next((path for each in forms if is_file(path := folder / each)), folder / name)
+
+
+def _plain_number(text: str, delimiter: str) -> str:
+    """Return a number with a decimal point and no marks of thousands, as columns are divided."""
+    mark = "." if delimiter == ";" else ","
+    if re.fullmatch(rf"[1-9]\d{{0,2}}(\{mark}\d{{3}})+", text.strip()):
+        return text.replace(mark, "")
+    return text.replace(",", ".")
 
 
 def _nearly(name: str) -> str | None:

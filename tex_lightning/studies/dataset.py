@@ -1,6 +1,7 @@
 """Open a data set for a training, a test or an adaptation: read, decoded and checked."""
 
 import logging
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -17,7 +18,7 @@ from tex_lightning.data.folds import (
     tested_part,
 )
 from tex_lightning.data.readers import read_recordings
-from tex_lightning.data.recordings import Recording, Recordings, one_name
+from tex_lightning.data.recordings import MODALITIES, Recording, Recordings, one_name
 from tex_lightning.data.store import Store, Unusable, cache_root, list_files
 from tex_lightning.errors import UserError, listed
 from tex_lightning.evaluation.conditions import Bins, condition_bins
@@ -151,15 +152,28 @@ def open_dataset(data: DataConfig, senses: Sequence[Sense]) -> Dataset:
     modalities = tuple(store.decoders)
     rows = read_recordings(data, modalities)
     needed = rows.of(*modalities)
+    beside = _of_no_sense(rows, modalities)
+    needed = replace(needed, notes=(*needed.notes, *beside))
     recordings, unknown = hold_out(needed, data.hold_out)
     if len(recordings.classes) < 2:
         raise UserError(
             f"The data has {' or '.join(modalities)} recordings of "
             f"{listed(recordings.classes) or 'no class'}, and telling classes apart takes two; "
             f"choose another model, or add recordings{_where_to(data, modalities)}."
+            + "".join(f" {text}" for text in beside)
         )
     dataset = Dataset.decode(recordings, unknown, store, recordings.classes)
     return replace(dataset, condition_bins=condition_bins(needed))
+
+
+def _of_no_sense(rows: Recordings, modalities: Sequence[str]) -> list[str]:
+    """Say what the table holds beside the senses of the package and of the model."""
+    others = [row for row in rows if row.modality not in {*modalities, *MODALITIES}]
+    counts = Counter(row.modality for row in others)
+    told = listed([f"{count} of {name}" for name, count in counts.items()])
+    return [
+        f"Not read, as no sense is called so: {told} (such as {row.path})." for row in others[:1]
+    ]
 
 
 def _where_to(data: DataConfig, modalities: Sequence[str]) -> str:

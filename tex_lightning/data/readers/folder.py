@@ -18,19 +18,24 @@ from tex_lightning.data.recordings import (
     Recordings,
     natural_key,
     read_manifest,
+    sense_called,
 )
 from tex_lightning.errors import UserError
 from tex_lightning_runtime.photos import IMAGE_SUFFIXES
 from tex_lightning_runtime.traces import TRACE_SUFFIXES, axis_files, stands_for_all
 
 SYSTEMS = ("Thumbs.db", "desktop.ini")  # files that are nobody's
+VISIBLE = "[!.]*"
+LOCK = "~$"  # begins what an office program writes beside an open file
 MAX_KINDS = 6
 TO_SOUND = " Convert what is compressed to .flac or .wav, such as with ffmpeg."
 TO_TABLE = " Save each sheet as CSV."
+TO_TEXT = " Rename what is a table of numbers in text to .csv."
 TO_PHOTO = " Convert the photos to .jpg or .png."
 CURES = {
     **dict.fromkeys((".mp3", ".m4a", ".aac", ".ogg", ".opus", ".wma", ".mp4"), TO_SOUND),
     **dict.fromkeys((".xlsx", ".xls", ".ods"), TO_TABLE),
+    **dict.fromkeys((".dat", ".log", ".asc", ".prn"), TO_TEXT),
     **dict.fromkeys((".heic", ".heif", ".gif", ".raw", ".cr2", ".nef"), TO_PHOTO),
 }  # of files that are not read, by suffix
 BESIDE = {"haptic": TRACE_SUFFIXES, "image": IMAGE_SUFFIXES}  # of files in the folder of a class
@@ -87,18 +92,20 @@ def read_folder(root: Path) -> Recordings:
     for directory in _folders(root):
         recordings = _read_class(directory, notes)
         others += _others(directory, recordings)
+        if recordings and (deep := _deeper(directory, recordings)):
+            notes.append(f"Too deep and not read: {count_kinds(deep)}; {to_manifest(root, deep)}")
         if not recordings:
             notes.append(f"Class folder {directory} is skipped: it has no trace and no photo.")
         rows += recordings
     counted = [f"Of other kinds and not read: {count_kinds(others)}."] if others else []
     if not rows:
-        raise UserError(" ".join([_nothing_in(root, others), *counted]))
+        raise UserError(_nothing_in(root, others, counted))
     return Recordings(tuple(rows), (*notes, *counted))
 
 
-def _nothing_in(root: Path, others: Sequence[Path]) -> str:
+def _nothing_in(root: Path, others: Sequence[Path], counted: Sequence[str]) -> str:
     """Return the error for a folder without recordings: its files, and how to convert them."""
-    flat = [path for path in sorted(root.glob("[!.]*"))
+    flat = [path for path in sorted(root.glob(VISIBLE))
             if path.is_file() and path.name not in SYSTEMS]  # fmt: skip
     names = {path.name.casefold() for path in flat}
     kinds = {path.suffix.lower() for path in (*flat, *others)}
@@ -107,6 +114,12 @@ def _nothing_in(root: Path, others: Sequence[Path]) -> str:
             f"Folder {root} holds recordings and labels as two arrays, X.npy and y.npy; write each "
             f"row of X into {root}/LABEL/haptic/NUMBER.npy with np.save (docs/data.md)."
         )
+    deep = [path for directory in _folders(root) for path in _deeper(directory, ())]
+    if deep:
+        return (
+            f"Folder {root} has no recordings where they are looked for, in CLASS/haptic and the "
+            f"like, but deeper: {count_kinds(deep)}; {to_manifest(root, deep)}"
+        )
     if {*TRACE_SUFFIXES, *IMAGE_SUFFIXES} & {path.suffix.lower() for path in flat}:
         return (
             f"Folder {root} has no folder for each class: it holds {count_kinds(flat)}; run "
@@ -114,11 +127,44 @@ def _nothing_in(root: Path, others: Sequence[Path]) -> str:
             "a pattern that fits their names, and train with data=manifest."
         )
     cure = next((text for kind, text in CURES.items() if kind in kinds), "")
-    return (
+    said = (
         f"Folder {root} holds no recordings; put traces in {root}/CLASS/haptic "
         f"({', '.join(TRACE_SUFFIXES)}), sounds in {root}/CLASS/sound (.wav, .flac) and photos in "
         f"{root}/CLASS/image (.jpg, .png, …).{cure}"
     )
+    return " ".join([said, *counted])
+
+
+def _deeper(directory: Path, recordings: Sequence[Recording]) -> list[Path]:
+    """Return the recordings below a class that are in none of the folders of its senses."""
+    read = {file for row in recordings for file in axis_files(row.path)}
+    seen = {directory, *(() if not recordings else _folders(directory))}
+    return [
+        path
+        for path in sorted(directory.rglob(VISIBLE))
+        if path.parent not in seen and path not in read and _is_recording(path)
+        and not any(part.startswith(".") for part in path.relative_to(directory).parts)
+    ]  # fmt: skip
+
+
+def to_manifest(root: Path, deep: Sequence[Path]) -> str:
+    """Say how a manifest is made of recordings in folders within those of their classes."""
+    inner = deep[0].relative_to(root).parts[1:-1]
+    session = next((part for part in inner if part.casefold() not in MODALITIES), None)
+    between = [
+        "{group}" if part == session else "{modality}" if part in MODALITIES else "*"
+        for part in inner
+    ]
+    pattern = "/".join(["{label}", *between, f"*{deep[0].suffix}"])
+    return (
+        f"run task=manifest data.root={root} pattern='{pattern}', with a pattern that fits their "
+        "names, and train with data=manifest."
+    )
+
+
+def _is_recording(path: Path) -> bool:
+    kinds = (*TRACE_SUFFIXES, *IMAGE_SUFFIXES)
+    return path.suffix.lower() in kinds and not path.name.startswith(LOCK) and path.is_file()
 
 
 def count_kinds(files: Sequence[Path]) -> str:
@@ -141,7 +187,7 @@ def _others(directory: Path, recordings: Sequence[Recording]) -> Iterator[Path]:
     read = {file for row in recordings for file in axis_files(row.path)}
     beside = tuple(chain.from_iterable(BESIDE.values()))
     for folder in (directory, *_folders(directory)):
-        for path in sorted(folder.glob("[!.]*")):
+        for path in sorted(folder.glob(VISIBLE)):
             noted = folder == directory and path.suffix.lower() in beside
             if not (noted or path in read or path.name in SYSTEMS or path.is_dir()):
                 yield path
@@ -151,8 +197,7 @@ def _read_class(directory: Path, notes: list[str]) -> list[Recording]:
     """Read one class, from folders of its senses if it has any; note what is passed over."""
     inner: dict[str, list[Path]] = {name: [] for name in MODALITIES}
     for folder in _folders(directory):
-        name = folder.name.casefold()
-        sense = name.removesuffix("s") if name.removesuffix("s") in MODALITIES else name
+        sense = sense_called(folder.name.casefold())
         if sense.isidentifier():
             inner[sense] = inner.get(sense, []) + _files(folder, suffixes_of(sense))
     beside = {sense: _files(directory, suffixes) for sense, suffixes in BESIDE.items()}
@@ -176,12 +221,15 @@ def suffixes_of(modality: str) -> tuple[str, ...]:
 
 
 def _folders(directory: Path) -> list[Path]:
-    return [path for path in sorted(directory.glob("[!.]*")) if path.is_dir()]
+    return [path for path in sorted(directory.glob(VISIBLE)) if path.is_dir()]
 
 
 def _files(directory: Path, suffixes: tuple[str, ...]) -> list[Path]:
     return [
         path
-        for path in sorted(directory.glob("[!.]*"))
-        if path.suffix.lower() in suffixes and not path.is_dir() and stands_for_all(path)
+        for path in sorted(directory.glob(VISIBLE))
+        if path.suffix.lower() in suffixes
+        and not path.name.startswith(LOCK)
+        and not path.is_dir()
+        and stands_for_all(path)
     ]
