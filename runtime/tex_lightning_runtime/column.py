@@ -32,7 +32,7 @@ TIMES = {  # one of them makes a column one of time
 }  # fmt: skip
 OF_TIME = {  # a name is one of time if all of its words are such
     *TIMES, *UNITS, "t", "date", "clock", "stamp", "unix", "ts", "since", "start", "boot", "utc",
-    "system", "relative", "header", "field", "local", "in",
+    "system", "relative", "rel", "header", "field", "local", "in",
 } - {"s", "d", "h", "min"}  # fmt: skip
 NO_TIMES = {"flight", "constant", "delta", "diff", "dt", "exposure", "integration", "response"}
 INDICES = {

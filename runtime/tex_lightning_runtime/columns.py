@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tex_lightning_runtime.column import Column, missing
+from tex_lightning_runtime.column import TIMES, Column, missing
 from tex_lightning_runtime.samples import Array, Channels
 from tex_lightning_runtime.times import DAY, EVEN, HOUR, UNITS, Even, TableError, even_samples
 
@@ -156,7 +156,8 @@ def _time(
     if not found:
         return None, None, candidates
     _, time, seconds = min(found, key=lambda each: each[0])
-    return time, seconds, [column for column in candidates if column is not time]
+    broken = [column for column in columns if column.fault and TIMES & {*column.words}]
+    return time, seconds, [column for column in (*candidates, *broken) if column is not time]
 
 
 def _fractions(columns: list[Column]) -> dict[Column, Array]:

@@ -18,7 +18,8 @@ RATE = re.compile(
     re.IGNORECASE,
 )
 PERIOD = re.compile(
-    r"(?:\bsampl\w*[ _-]?(?:interval|period|time)|\bdelta_?x|\bdt|\bt_?inc|^increment)"
+    r"(?:\bsampl\w*[ _-]?(?:interval|period|time)|\bdelta_?x|\bdt|\bt_?inc"
+    r"|^\W*in(?:crement|terval))"
     rf"(?:[ ]*[(\[](?P<before>[µμ\w]+)[)\]])?{AMOUNT}(?P<unit>[mµμun]?s\b)?",
     re.IGNORECASE,
 )
@@ -38,6 +39,8 @@ def read_heading(
     for line in reversed(above):
         commented, plain = bool(COMMENT.match(line)), COMMENT.sub("", line, count=1)
         cells = _as_many(plain, dialect, columns)
+        if commented and len(cells) < columns.count and dialect.cells(line)[0] == "#":  # a name
+            cells = dialect.cells(line)
         whole = len(cells) in (columns.count, len(columns.kinds))
         if whole and any(kind(c) == "text" for c in cells):
             stated = stated_rate(",".join(cells)) and not rows
@@ -55,7 +58,7 @@ def read_heading(
         numbers = [kind(cell) in ("number", "stamp") for cell in cells]
         if all(numbers) and len(cells) == 1 and columns.count > 1:
             return [], lone_rate(cells[0], columns.rows, notes)
-        if all(numbers):
+        if sum(numbers) > 0.5 * len(cells) and not stated_rate(line):
             notes.append(f"an incomplete line of numbers is left out: {line.strip()[:40]!r}")
         elif len(cells) > 1 and not any(numbers) and not stated_rate(line):
             raise mismatch(len(cells), columns.count)

@@ -136,7 +136,7 @@ def without_names(content: bytes, names: list[str]) -> bytes:
             raise TableError(
                 f"does not have {', '.join(names)} in every line; write the same numbers in each"
             )
-    return re.sub(rb"[{}\"']", b"", PAIR.sub(b"", content))
+    return re.sub(rb"(?m)^[ \t]+|[{}\"']", b"", PAIR.sub(b"", content))
 
 
 def _most(lines: list[bytes], fits: Callable[[bytes], bool]) -> bool:

@@ -132,8 +132,8 @@ def _numbers(cells: "pd.Series[Any]") -> tuple["pd.Series[Any]", str]:
         return cells, ""
     import pandas as pd
 
-    first = str(cells[cells.first_valid_index()])
-    if STAMP.fullmatch(first.strip()):
+    first = str(cells[cells.first_valid_index()]).strip()
+    if STAMP.fullmatch(first):
         return cells.astype(str), ""
     codes, values = pd.factorize(cells)  # each cell of text once
     text = pd.Series(values, dtype=str).str.strip()
