@@ -215,15 +215,19 @@ class Column:
             try:
                 return stamp_seconds(self.values)
             except (ValueError, OverflowError) as error:
-                raise TableError(
-                    f"has {self.values.iloc[0]!r} in the column {self.name!r}, and not all of its "
-                    "cells can be read as such times; write them as 2026-03-01T10:00:00.000"
-                ) from error
+                raise self.no_times() from error
         unit = UNITS[time_unit] if time_unit else self._unit()
         values = np.asarray(self.values)
         if len(self.values) and not np.isfinite(values).all():
             raise missing(self, int(np.isfinite(values).argmin()))
         return number_seconds(values, unit, self.name)
+
+    def no_times(self) -> TableError:
+        """Return the error for cells that are no times."""
+        return TableError(
+            f"has {self.values.iloc[0]!r} in the column {self.name!r}, and not all of its cells "
+            "can be read as such times; write them as 2026-03-01T10:00:00.000"
+        )
 
     def _unit(self) -> float | None:
         """Return the unit of a time in seconds as name and row of units have it; None if not."""

@@ -136,6 +136,9 @@ def _time(
     times without a unit are not needed.
     """
     found, failed = [], None
+    broken = [c for c in columns if c.is_text and not c.is_stamp and TIMES & {*c.words}]
+    for column in broken:
+        failed = failed or column.no_times()
     parts = _fractions(columns)
     candidates = [column for column in columns if column.is_time or column in parts]
     for column in candidates:
@@ -156,7 +159,6 @@ def _time(
     if not found:
         return None, None, candidates
     _, time, seconds = min(found, key=lambda each: each[0])
-    broken = [column for column in columns if column.fault and TIMES & {*column.words}]
     return time, seconds, [column for column in (*candidates, *broken) if column is not time]
 
 

@@ -149,7 +149,8 @@ def _numbers(cells: "pd.Series[Any]") -> tuple["pd.Series[Any]", str]:
     if not numbers.isna().any():
         every = np.append(numbers.to_numpy(np.float64), np.nan)  # the last one is of no code
         return pd.Series(every[codes]), ""
-    if not text.str.match(r"[-+]?\.?\d").any() or cells.isna().mean() > 0.5:  # or remarks
+    are_numbers = numbers.notna().any() or text.str.match("0[xX]").any()
+    if not are_numbers or cells.isna().mean() > 0.5:  # remarks
         return cells, ""
     wrong = numbers.isna().to_numpy().argmax()
     return cells, f"{text[wrong]!r} at sample {(codes == wrong).argmax()}"
