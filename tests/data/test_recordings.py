@@ -47,6 +47,39 @@ def test_a_spreadsheets_semicolons_and_decimal_commas_are_read(tmp_path):
     assert read_manifest(manifest(tmp_path, lines)).rows[0].sampling_rate == 2500.5
 
 
+@pytest.mark.parametrize(
+    "content",
+    [
+        HEADER.replace(",", "\t") + "w\thaptic\tsub/a.wav\t0\n",
+        "sep=;\n" + HEADER.replace(",", ";") + "w;Haptics;sub/a.wav;0\n;;;\n\n",
+        HEADER.replace(",", ", ") + "w, haptic, sub\\a.wav , 0\n",
+        HEADER.replace(",", "|") + "w|haptic|.\\sub\\a.wav|0\n",
+        (HEADER + "w,haptic,sub/a.wav,0\n").encode("utf-16"),
+        (HEADER + "w,haptic,sub/a.wav,0\n").replace("\n", "\r").encode("utf-8-sig"),
+    ],
+)
+def test_manifests_as_programs_and_people_write_them(tmp_path, content):
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub" / "a.wav").touch()
+    path = tmp_path / "m.csv"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    assert read_manifest(path).rows == (Recording("w", "haptic", tmp_path / "sub" / "a.wav", 0),)
+
+
+@pytest.mark.parametrize(
+    ("rate", "mark", "expected"),
+    [
+        ("10.000", ";", 10_000),
+        ('"10,000"', ",", 10_000),
+        ("62.125", ",", 62.125),
+        ("62,5", ";", 62.5),
+    ],
+)
+def test_marks_of_thousands_in_rates_are_those_of_the_separator(tmp_path, rate, mark, expected):
+    lines = "label,modality,path,group,rate\nw,haptic,a.wav,0,{}\n".replace(",", mark)
+    assert read_manifest(manifest(tmp_path, lines.format(rate))).rows[0].sampling_rate == expected
+
+
 def test_parts_of_a_file_may_share_it_unless_they_overlap(tmp_path):
     header = "label,modality,path,group,part\n"
     lines = "w,haptic,a.wav,0,0-0.25\nw,haptic,a.wav,1,0.25-1\n"
@@ -113,6 +146,7 @@ def test_a_column_fold_fixes_the_folds_and_is_no_condition(tmp_path, cells, fold
         ),
         (HEADER + "w,haptic,a.wav,0\nw\n", "line 3 has modality ''"),
         (HEADER + "w,haptic,a.wav,0\nv,haptic,a.wav,1\n", "in record 1 and in record 2"),
+        (HEADER + "oak,dry,haptic,a.wav,0\n", 'line 2 has more cells than .* put "quotes" around'),
         (HEADER + f"w,{'-' * 5000},a.wav,0\n", "has modality .*more characters"),
     ],
 )

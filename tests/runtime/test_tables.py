@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tex_lightning_runtime.errors import UserError
 from tex_lightning_runtime.tables import read_table
 from tex_lightning_runtime.times import TableError
+from tex_lightning_runtime.traces import read_samples
 
 RATE, COUNT = 2000, 240
 RNG = np.random.default_rng(0)
@@ -228,6 +230,103 @@ READ = {
               names="Datum\tUhrzeit\tx\ty\tz\n"), RATE
     ),
     "no names, ISO": (table(clock("%Y-%m-%dT%H:%M:%S.%f"), *XYZ), RATE),
+    "names of months": (table(clock("%d-%b-%Y %H:%M:%S.%f"), *XYZ, names="Time,x,y,z\n"), RATE),
+    "minutes and seconds past the hour": (
+        table(clock("%M:%S.%f"), *XYZ, names="Time,x,y,z\n"), RATE
+    ),
+    "differences of pandas": (
+        table([f"0 days 00:00:{t:09.6f}" for t in TIMES], *XYZ, names=",x,y,z\n"), RATE
+    ),
+    "differences of Python": (
+        table([f"1 day, 0:00:0{t:.6f}" for t in TIMES], *XYZ, mark=";", names="elapsed;x;y;z\n"),
+        RATE,
+    ),
+    "hours, minutes, seconds": (
+        table(*(clock(f) for f in ("%H", "%M")), clock("%S.%f"), *XYZ,
+              names="hour,minute,second,x,y,z\n"), RATE
+    ),
+    "date in parts and milliseconds": (
+        table(["2026"] * COUNT, clock("%m"), clock("%d"), *(clock(f) for f in ("%H", "%M", "%S")),
+              [f"{m.microsecond / 1000:.1f}" for m in MOMENTS], *XYZ,
+              names="Year,Month,Day,hour,min,sec,ms,x,y,z\n"), RATE
+    ),
+    "clock and milliseconds": (
+        table(clock("%H:%M:%S"), [f"{m.microsecond / 1000:.1f}" for m in MOMENTS], *XYZ,
+              names="time,ms,x,y,z\n"), RATE
+    ),
+    "a number as date": (
+        table(["20260301"] * COUNT, clock("%H:%M:%S.%f"), *XYZ, names="date,time,x,y,z\n"), RATE
+    ),
+    "unixtime": (table(at(1e6), *XYZ, names="unixtime,x,y,z\n"), RATE),
+    "no word of time, but its unit": (table(times(), *XYZ, names="X [s],a,b,c\n"), RATE),
+    "unit of time below": (
+        table(times(), *XYZ, names="x-axis,1,2,3\nsecond,Volt,Volt,Volt\n"), RATE
+    ),
+    "stated period alone": (
+        table(times(1, "{:.4f}", -0.1), *XYZ, names="Sample Interval,5.0E-4\n"), RATE
+    ),
+    "ticks beside a stated rate": (
+        table(COUNTER, at(1e4), *XYZ, names="// Update Rate: 2000.0Hz\npacket,TimeFine,x,y,z\n"),
+        RATE,
+    ),
+    "a time without its dots": (
+        table(times(), clock("%Y-%m-%dT%H.%M.%S.%f"), *XYZ, names="elapsed (s),timestamp,x,y,z\n"),
+        RATE,
+    ),
+    "steps of time": (table(["0.5"] * COUNT, *XYZ, names="delta_ms,x,y,z\n"), None),
+    # settings beside the table
+    "settings left of it": (
+        "".join(
+            f"{key},{value},,{t:.4f},{x},{y},{z}\n" for (key, value), t, x, y, z in zip(
+                [("Record Length", "240"), ("Sample Interval", "5.0E-4"), ("Source", "CH1"),
+                 *[("", "")] * (COUNT - 3)], TIMES, *XYZ, strict=True)), RATE
+    ),
+    "settings of every column": (
+        "Channel,a,b,c\nSample rate,2000.0,2000.0,2000.0\nStart,0,0,0\n"
+        + table([""] * COUNT, *XYZ), RATE
+    ),
+    "settings behind the names": (
+        table(times(), *XYZ, end=",\n",
+              names="t(s),x(V),y(V),z(V),t0 =-2.0e-01, tInc = 5.0e-04,\n"), RATE
+    ),
+    "settings behind names and units": (
+        table(COUNTER, *XYZ, end=",\n",
+              names="X,a,b,c,Start,Increment,\nSequence,Volt,Volt,Volt,0,5.0e-04\n"), RATE
+    ),
+    "total and rate": (
+        "Sampling time: 0.12 s\nSampling rate: 2 kHz\n" + table(*XYZ, names="x,y,z\n"), RATE
+    ),
+    "one column without X of LabVIEW": (
+        "Writer_Version\t2\nX_Columns\tNo\n***End_of_Header***\t\nChannels\t3\nSamples\t240\n"
+        "Delta_X\t0.0005\n***End_of_Header***\nX_Value\tx\ty\tz\tComment\n"
+        + table([""] * COUNT, *XYZ, mark="\t"), RATE
+    ),
+    "# as a name": (table(COUNTER, *XYZ, names="#,x,y,z\n"), None),
+    "a table of Markdown": (
+        "| x | y | z |\n|---|---|---|\n"
+        + "".join(f"| {a} | {b} | {c} |\n" for a, b, c in zip(*XYZ, strict=True)), None
+    ),
+    "a remark in the first row": (
+        table(*XYZ, ["start", *[""] * (COUNT - 1)], names="x,y,z,remark\n"), None
+    ),
+    "names over two lines": (
+        table(times(), *XYZ, names='"Time\n(s)","Acc\nx","Acc\ny","Acc\nz"\n'), RATE
+    ),
+    "text that begins with digits": (
+        table(*XYZ, ["192.168.0.12"] * COUNT, ["1.2.3"] * COUNT, names="x,y,z,host,version\n"), None
+    ),
+    # numbers
+    "minus of typography": (
+        table(*([c.replace("-", "\u2212") for c in each] for each in XYZ), names="x,y,z\n"), None
+    ),
+    "exponents of Fortran": (
+        table(*(column(axis, "{:.9E}") for axis in AXES), mark="  ").replace("E", "D"), None
+    ),
+    "a unit of two words": (table(*([f"{c} m/s²" for c in each] for each in XYZ)), None),
+    "sentences of numbers": (
+        "".join(f"\t\tAccel X: {a} \tY: {b} \tZ: {c} m/s^2 \n\n"
+                for a, b, c in zip(*XYZ, strict=True)), None
+    ),
 }  # fmt: skip
 
 
@@ -363,6 +462,27 @@ REFUSED = {
     "a workbook": (b"PK\x03\x04" + bytes(90), "is an Excel workbook .* no text; export it as CSV"),
     "NULs between": (ROWS.encode() + bytes(9) + ROWS.encode(), f"NUL bytes in line {COUNT + 1}"),
     "random bytes": (RNG.bytes(5000), "."),
+    "a broken formula": (
+        table(*XYZ, names="x,y,z\n").replace(X[7], "#DIV/0!"), "has '#DIV/0!' at sample 7"
+    ),
+    "a cell that is not available": (
+        table(*XYZ, names="x,y,z\n").replace(X[7], "#N/A"), "column 'x' at sample 7"
+    ),
+    "sensors in turn": (
+        table(["1", "2"] * (COUNT // 2), *XYZ, names="sensor_id,x,y,z\n"),
+        "rows of 2 kinds in turn by 'sensor_id'; write each kind into a file of its own",
+    ),
+    "sensors in turn, by number": (
+        table(["1", "2"] * (COUNT // 2), *XYZ, names="sensor,x,y,z\n"), "2 kinds in turn"
+    ),
+    "axes in turn": (table(["x", "y", "z"] * (COUNT // 3), X), "3 kinds in turn by column 1"),
+    "numbers within text": (
+        table([f"acc {x}" for x in X], Y, names="x,y\n"), "a number within text; write numbers"
+    ),
+    "times of few stamps": (
+        table(clock("%H:%M:%S"), *XYZ, names="time,x,y,z\n"), "too coarse for the rate; delete"
+    ),
+    "times in words": (table(["day 1"] * COUNT, *XYZ, names="time,x,y,z\n"), "'day 1' in the colu"),
 }  # fmt: skip
 
 
@@ -396,6 +516,42 @@ def test_names_choose_the_axes_in_any_order(tmp_path):
         read_table(path, [3])
     with pytest.raises(TableError, match="has 2 columns 'a'; give their numbers"):
         read_table(write(tmp_path, table(*XYZ, names="a,b,a\n")), ["a"])
+
+
+def test_marks_count_by_column(tmp_path):
+    fractions = column(9 + AXES[0] / 4, "{:.3f}")
+    text = table(column(np.array(NUMBERS) % 7 + 10, "{}"), fractions, mark=";", comma=True)
+    np.testing.assert_allclose(read_table(write(tmp_path, text))[0][1], [*map(float, fractions)])
+    rare = np.array(NUMBERS) + 300
+    rare[3] = 12_345  # far from where the dialect is found
+    text = table(column(rare, "{:,}"), column(rare % 97, "{}"), mark=";", names="x;y\n")
+    np.testing.assert_array_equal(read_table(write(tmp_path, text))[0], [rare, rare % 97])
+
+
+def test_a_line_that_is_cut_to_one_number_is_no_rate(tmp_path):
+    counts = column(np.array(NUMBERS) % 97 + 400, "{}")
+    for line, expected in (("27", None), ("450", None), ("8000", 8000), ("512", 512)):
+        samples, rate, reading = read_table(write(tmp_path, f"{line}\n{table(counts, counts)}"))
+        assert (samples.shape, rate, bool(reading.notes)) == ((2, COUNT), expected, not expected)
+    samples, rate, _ = read_table(write(tmp_path, f"7392\n{table(X)}"))
+    assert (samples.shape, rate) == ((1, COUNT), None)
+
+
+def test_recordings_that_follow_each_other_are_told(tmp_path):
+    trial = ["1"] * 100 + ["2"] * (COUNT - 100)
+    notes = read_table(write(tmp_path, table(trial, *XYZ, names="trial,x,y,z\n")))[2].notes
+    assert [note.startswith("'trial' changes at sample 100") for note in notes] == [True]
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(2, 3), (30, 64), (30, 70)])
+def test_columns_with_names_are_axes_however_few_samples_they_have(tmp_path, rows, columns):
+    names = ",".join(f"a{number}" for number in range(columns))
+    path = write(tmp_path, f"{names}\n" + f"{','.join(['0.5'] * columns)}\n" * rows)
+    if columns > 64:
+        with pytest.raises(UserError, match="1 to 64"):
+            read_samples(path)
+    else:
+        assert read_samples(path).samples.shape == (columns, rows)
 
 
 def test_a_unit_that_is_given_counts(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 from tex_lightning.config import Folding
 from tex_lightning.data.folds import with_folds
 from tex_lightning.data.recordings import Recording, Recordings
-from tex_lightning.studies.dataset import Dataset
+from tex_lightning.studies.dataset import Dataset, of_no_sense
 
 RARE = {"oak": 10, "pine": 10, "yew": 2}  # recordings
 
@@ -23,6 +23,14 @@ def dataset():
     table = with_folds(Recordings(tuple(rows)), 10)
     store = SimpleNamespace(decoders={"haptic": None})
     return Dataset(table.classes, table, Recordings(()), store)
+
+
+def test_recordings_of_no_sense_are_told():
+    rows = [Recording("a", name, Path(f"{name}.csv"), 0) for name in ("haptic", "sound", "day1")]
+    assert of_no_sense(Recordings(tuple(rows)), ("haptic",)) == [
+        "Not read, as no sense is called so: 1 of day1 (such as day1.csv)."
+    ]
+    assert of_no_sense(Recordings(tuple(rows[:2])), ("haptic",)) == []
 
 
 def division(test: int | None, val: int | None = None, where: object = None) -> Folding:

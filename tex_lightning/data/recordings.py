@@ -78,6 +78,7 @@ KNOWN = (*COLUMNS, RATE, PART, FOLD)
 SAMPLING = re.compile(  # names that a column of rates may have
     r"(sampl(e|es|ed|ing)?|acquisition|audio)(rate|freq\w*)(s|inhz|hz|khz)?|fs|k?hz|rate(in)?k?hz"
 )
+HIDDEN = (".", "~$")  # begin names of files that are nobody's; office programs write the second
 SEPARATORS = ",;\t|"
 NUMBER = re.compile("[0-9]{1,18}")  # longer ones are names
 Conditions = tuple[tuple[str, str], ...]
@@ -214,6 +215,11 @@ def sense_called(name: str) -> str:
     """Return the modality of the package that a name means in any case or plural, else the name."""
     plain = name.casefold().removesuffix("s")
     return plain if plain in MODALITIES else name
+
+
+def is_hidden(path: Path, root: Path) -> bool:
+    """Return whether a path, or a folder between it and the root, is nobody's."""
+    return any(part.startswith(HIDDEN) for part in path.relative_to(root).parts)
 
 
 def name_one(modality: str) -> str:

@@ -152,7 +152,7 @@ def open_dataset(data: DataConfig, senses: Sequence[Sense]) -> Dataset:
     modalities = tuple(store.decoders)
     rows = read_recordings(data, modalities)
     needed = rows.of(*modalities)
-    beside = _of_no_sense(rows, modalities)
+    beside = of_no_sense(rows, modalities)
     needed = replace(needed, notes=(*needed.notes, *beside))
     recordings, unknown = hold_out(needed, data.hold_out)
     if len(recordings.classes) < 2:
@@ -166,7 +166,7 @@ def open_dataset(data: DataConfig, senses: Sequence[Sense]) -> Dataset:
     return replace(dataset, condition_bins=condition_bins(needed))
 
 
-def _of_no_sense(rows: Recordings, modalities: Sequence[str]) -> list[str]:
+def of_no_sense(rows: Recordings, modalities: Sequence[str]) -> list[str]:
     """Say what the table holds beside the senses of the package and of the model."""
     others = [row for row in rows if row.modality not in {*modalities, *MODALITIES}]
     counts = Counter(row.modality for row in others)

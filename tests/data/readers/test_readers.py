@@ -1,5 +1,6 @@
 """Readers of one's own data and of synthetic surfaces."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 from haptic_sets import read
 
 from tex_lightning.data.readers.folder import read_folder
+from tex_lightning.data.readers.names import read_names
 from tex_lightning.data.recordings import Recordings, read_manifest, write_manifest
 from tex_lightning.errors import UserError
 from tex_lightning.studies.dataset import hold_out
@@ -71,6 +73,29 @@ def test_folders_as_people_lay_them_out(tmp_path, files, expected, notes):
     ]
     assert sorted(described) == expected
     assert [note.replace(str(tmp_path), "DIR") for note in rows.notes] == notes
+
+
+@pytest.mark.parametrize(
+    ("file", "pattern"),
+    [
+        ("a/day 1/1.csv", "{label}/{group}/*.csv"),
+        ("a/day 1/Haptics/1.csv", "{label}/{group}/*/*.csv"),
+        ("a/haptic/day 1/1.csv", "{label}/{modality}/{group}/*.csv"),
+    ],
+)
+def test_recordings_that_lie_too_deep_are_told_with_the_pattern_that_reads_them(
+    tmp_path, file, pattern
+):
+    touch(tmp_path, file, file.replace("1.csv", "2.csv"), file.replace("1.csv", "~$2.csv"))
+    with pytest.raises(UserError, match=f"but deeper: 2 .csv .* pattern='{re.escape(pattern)}'"):
+        read_folder(tmp_path)
+    table, others = read_names(tmp_path, pattern)
+    assert ({(row.label, row.modality, row.group) for row in table}, len(table)) == (
+        {("a", "haptic", "day 1")}, 2
+    )  # fmt: skip
+    assert others == []
+    (note,) = read_folder(touch(tmp_path, "b/haptic/1.csv")).notes
+    assert note.startswith("Too deep and not read: 2 .csv (such as ")
 
 
 def test_two_axes_of_three_stay_one_recording(tmp_path):

@@ -16,6 +16,7 @@ from tex_lightning.data.recordings import (
     MODALITIES,
     Recording,
     Recordings,
+    is_hidden,
     natural_key,
     read_manifest,
     sense_called,
@@ -25,8 +26,6 @@ from tex_lightning_runtime.photos import IMAGE_SUFFIXES
 from tex_lightning_runtime.traces import TRACE_SUFFIXES, axis_files, stands_for_all
 
 SYSTEMS = ("Thumbs.db", "desktop.ini")  # files that are nobody's
-VISIBLE = "[!.]*"
-LOCK = "~$"  # begins what an office program writes beside an open file
 MAX_KINDS = 6
 TO_SOUND = " Convert what is compressed to .flac or .wav, such as with ffmpeg."
 TO_TABLE = " Save each sheet as CSV."
@@ -91,10 +90,11 @@ def read_folder(root: Path) -> Recordings:
     others: list[Path] = []
     for directory in _folders(root):
         recordings = _read_class(directory, notes)
-        others += _others(directory, recordings)
-        if recordings and (deep := _deeper(directory, recordings)):
+        deep = _deeper(directory, recordings)
+        others += (path for path in _others(directory, recordings) if path not in deep)
+        if deep:
             notes.append(f"Too deep and not read: {count_kinds(deep)}; {to_manifest(root, deep)}")
-        if not recordings:
+        elif not recordings:
             notes.append(f"Class folder {directory} is skipped: it has no trace and no photo.")
         rows += recordings
     counted = [f"Of other kinds and not read: {count_kinds(others)}."] if others else []
@@ -105,7 +105,7 @@ def read_folder(root: Path) -> Recordings:
 
 def _nothing_in(root: Path, others: Sequence[Path], counted: Sequence[str]) -> str:
     """Return the error for a folder without recordings: its files, and how to convert them."""
-    flat = [path for path in sorted(root.glob(VISIBLE))
+    flat = [path for path in _visible(root)
             if path.is_file() and path.name not in SYSTEMS]  # fmt: skip
     names = {path.name.casefold() for path in flat}
     kinds = {path.suffix.lower() for path in (*flat, *others)}
@@ -138,12 +138,13 @@ def _nothing_in(root: Path, others: Sequence[Path], counted: Sequence[str]) -> s
 def _deeper(directory: Path, recordings: Sequence[Recording]) -> list[Path]:
     """Return the recordings below a class that are in none of the folders of its senses."""
     read = {file for row in recordings for file in axis_files(row.path)}
-    seen = {directory, *(() if not recordings else _folders(directory))}
+    seen = {directory, *(_folders(directory) if recordings else ())}
+    suffixes = (*TRACE_SUFFIXES, *IMAGE_SUFFIXES)
     return [
         path
-        for path in sorted(directory.rglob(VISIBLE))
-        if path.parent not in seen and path not in read and _is_recording(path)
-        and not any(part.startswith(".") for part in path.relative_to(directory).parts)
+        for path in sorted(directory.rglob("*"))
+        if path.parent not in seen and path not in read and path.suffix.lower() in suffixes
+        and not is_hidden(path, directory) and path.is_file()
     ]  # fmt: skip
 
 
@@ -160,11 +161,6 @@ def to_manifest(root: Path, deep: Sequence[Path]) -> str:
         f"run task=manifest data.root={root} pattern='{pattern}', with a pattern that fits their "
         "names, and train with data=manifest."
     )
-
-
-def _is_recording(path: Path) -> bool:
-    kinds = (*TRACE_SUFFIXES, *IMAGE_SUFFIXES)
-    return path.suffix.lower() in kinds and not path.name.startswith(LOCK) and path.is_file()
 
 
 def count_kinds(files: Sequence[Path]) -> str:
@@ -187,7 +183,7 @@ def _others(directory: Path, recordings: Sequence[Recording]) -> Iterator[Path]:
     read = {file for row in recordings for file in axis_files(row.path)}
     beside = tuple(chain.from_iterable(BESIDE.values()))
     for folder in (directory, *_folders(directory)):
-        for path in sorted(folder.glob(VISIBLE)):
+        for path in _visible(folder):
             noted = folder == directory and path.suffix.lower() in beside
             if not (noted or path in read or path.name in SYSTEMS or path.is_dir()):
                 yield path
@@ -221,15 +217,16 @@ def suffixes_of(modality: str) -> tuple[str, ...]:
 
 
 def _folders(directory: Path) -> list[Path]:
-    return [path for path in sorted(directory.glob(VISIBLE)) if path.is_dir()]
+    return [path for path in _visible(directory) if path.is_dir()]
+
+
+def _visible(directory: Path) -> list[Path]:
+    return [path for path in sorted(directory.glob("*")) if not is_hidden(path, directory)]
 
 
 def _files(directory: Path, suffixes: tuple[str, ...]) -> list[Path]:
     return [
         path
-        for path in sorted(directory.glob(VISIBLE))
-        if path.suffix.lower() in suffixes
-        and not path.name.startswith(LOCK)
-        and not path.is_dir()
-        and stands_for_all(path)
+        for path in _visible(directory)
+        if path.suffix.lower() in suffixes and not path.is_dir() and stands_for_all(path)
     ]

@@ -11,6 +11,7 @@ from tex_lightning.data.recordings import (
     RATE,
     Recording,
     Recordings,
+    is_hidden,
     natural_key,
 )
 from tex_lightning.errors import UserError, shorten
@@ -64,8 +65,8 @@ def read_names(root: Path, pattern: str) -> tuple[Recordings, list[str]]:
 def _files(root: Path) -> Iterator[Path]:
     """Yield the recordings below a folder in natural order; one of several that are its axes."""
     suffixes = (*TRACE_SUFFIXES, *IMAGE_SUFFIXES)
-    hidden = (path for path in root.rglob("*") if not path.name.startswith("."))
-    for path in sorted(hidden, key=lambda path: natural_key(path.as_posix())):
+    visible = (path for path in root.rglob("*") if not is_hidden(path, root))
+    for path in sorted(visible, key=lambda path: natural_key(path.as_posix())):
         usable = path.suffix.lower() in suffixes and path != root / "manifest.csv"
         if usable and path.is_file() and stands_for_all(path):
             yield path
