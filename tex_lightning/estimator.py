@@ -279,8 +279,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
     def save(self, path: str | Path) -> Path:
         """Write a checkpoint that :func:`tex_lightning.load` and every task take."""
         check_is_fitted(self)
-        target = Path(path).expanduser()
-        target.parent.mkdir(parents=True, exist_ok=True)
+        target = Path(path).expanduser().resolve()
         self.predictor_.classifier.save(target)
         return target
 

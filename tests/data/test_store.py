@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from threading import Semaphore
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -172,13 +173,17 @@ def test_an_entry_knows_the_rate_of_its_file(store, surfaces, tmp_path):
     assert store.rate(bare) == 10_000
 
 
-def test_a_missing_file_and_an_unwritable_cache_are_said(store, surfaces, tmp_path):
+def test_a_missing_file_and_an_unwritable_cache_are_said(store, surfaces, tmp_path, monkeypatch):
     row = read_folder(surfaces).rows[0]
     gone = type(row)("a", "haptic", tmp_path / "gone.wav", 0)
     (missing,) = store.fill([gone])
     assert missing.recording == gone
     assert "gone.wav does not exist" in missing.reason
     (tmp_path / "file").write_text("x")
+    with monkeypatch.context() as patched:
+        patched.setattr("numpy.save", Mock(side_effect=OSError("9 requested and 3 written")))
+        with pytest.raises(UserError, match=r"written \(9 requested and 3 written\); free"):
+            store._write(tmp_path / "a.npy", store._decode(row))
     with pytest.raises(UserError, match=r"data\.cache_dir"):
         cache_root(str(tmp_path / "file"))
 

@@ -264,6 +264,11 @@ def test_flags_that_are_keys_of_the_recipe_are_answered_with_these(tmp_path, cap
         trainer = make_trainer(settings, [], [], FIT, working, validated=False)
     assert trainer.max_epochs == 3  # as every flag of Lightning's
     assert "of every network of this run, model.haptic.fit.epochs of one." in caplog.text
+    settings.limit_train_batch = 4
+    near = r"\(did you mean trainer\.limit_train_batches\?\); correct that flag\."
+    with pytest.raises(UserError, match=near):
+        make_trainer(settings, [], [], FIT, working, validated=False)
+    del settings.limit_train_batch
     settings.batch_size = 4
     with pytest.raises(UserError, match=r"correct that flag, or give model\.haptic\.fit\.batch_s"):
         make_trainer(settings, [], [], FIT, working, validated=False)

@@ -130,7 +130,7 @@ def _data_rules(config: Config) -> Iterator[Rule]:
     for key in ("test_fold", "val_fold"):
         fold = getattr(data, key)
         yield (
-            fold is not None and not 0 <= fold < data.folds,
+            fold is not None and data.folds > 1 and not 0 <= fold < data.folds,
             f"data.{key} is {shorten(fold)}: choose from 0 to {data.folds - 1}",
         )
     yield (

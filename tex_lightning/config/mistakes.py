@@ -21,6 +21,7 @@ RENAMED = {
     ("model", "haptic_bands"): "band_proportions",
     ("sense", "bands"): "band_proportions",
 }
+NO_LIST = "is not a ListConfig, list or tuple"  # words of OmegaConf
 MANY = 4  # keys that a wrong one may stand for
 NOISE = ("full_key:", "object_type=", "reference_type=", "See https:", "Set the environment", "To ")
 
@@ -42,6 +43,7 @@ def explain(error: Exception) -> UserError:
             files = [x.relative_to(CONF).with_suffix("") for x in (CONF / group).rglob("*.yaml")]
             names = [*variants(), *(file.as_posix() for file in files)]
             options = [x.removeprefix(f"{group}/") for x in names if x.startswith(f"{group}/")]
+        options = [each for each in options if each.rpartition("/")[2] != "base"]
         if name := RENAMED.get((group, option)):
             return UserError(f"{group}={option} does not exist: it is called {group}={name} now.")
         return UserError(
@@ -100,4 +102,5 @@ def _one_line(error: Exception) -> str:
     lines = [line for part in (error, error.__cause__) if part for line in str(part).splitlines()]
     kept = [line.strip().rstrip(".") for line in lines if not line.strip().startswith(NOISE)]
     kept = [re.sub("^Error merging override (.*)", r"\1 cannot be used", line) for line in kept]
+    kept = [re.sub(f".*{NO_LIST}.*", "give a list, as in [A,B]", line) for line in kept]
     return "; ".join(dict.fromkeys(map(shorten, filter(None, kept)))) + "."

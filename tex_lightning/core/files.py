@@ -16,7 +16,10 @@ from tex_lightning.text import from_cell, to_cell
 from tex_lightning_runtime.files import is_file, require_file
 
 # A folder or disk that cannot be written; anything else is a fault of the program.
-UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM)
+UNWRITABLE = (
+    errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM,
+    errno.ENOTDIR, errno.EISDIR, errno.EEXIST,  # a file where a folder should be, or the reverse
+)  # fmt: skip
 MAX_FIELD = 1 << 30  # characters; votes for very many classes take more than csv's own limit
 LARGEST_JSON = 64 << 20  # bytes; in memory it is many times as large
 

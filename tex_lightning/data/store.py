@@ -88,9 +88,12 @@ def cache_root(configured: str | None) -> Path:
 
 
 def _unwritable(root: Path, error: BaseException | None) -> UserError:
+    cause = (
+        getattr(error, "strerror", None) or error
+    )  # of a full disk NumPy has no more than a text
     return UserError(
-        f"Cache folder {root} cannot be written ({reason(getattr(error, 'strerror', error))}); "
-        "free some space or set data.cache_dir to a folder that can."
+        f"Cache folder {root} cannot be written ({reason(cause)}); free some space or set "
+        "data.cache_dir to a folder that can."
     )
 
 

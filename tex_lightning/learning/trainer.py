@@ -7,6 +7,7 @@ import threading
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from inspect import signature
 from pathlib import Path
 from typing import Any, ClassVar, cast
 
@@ -21,6 +22,7 @@ from lightning.pytorch.trainer.states import TrainerStatus
 from tex_lightning.classifier.card import SUFFIX
 from tex_lightning.config import TrainerConfig
 from tex_lightning.config.instantiation import build, build_derived
+from tex_lightning.config.keys import nearest
 from tex_lightning.core.console import DEBUG, Screen, log_once
 from tex_lightning.core.files import write_atomically
 from tex_lightning.core.progress import Stage, hidden
@@ -203,8 +205,9 @@ def make_trainer(
         unknown = UNKNOWN_FLAG.search(str(error))
         name = unknown[1] if unknown else ""
         ours = f", or give model.{working.name}.fit.{name}" if name in fit else ""
+        near = nearest(name, signature(Trainer).parameters, "trainer.") if name else ""
         raise UserError(
-            f"Lightning's Trainer rejects a flag of trainer: {reason(error)}; correct that "
+            f"Lightning's Trainer rejects a flag of trainer: {reason(error)}{near}; correct that "
             f"flag{ours}."
         ) from error
     return trainer
