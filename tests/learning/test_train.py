@@ -71,7 +71,7 @@ def test_the_result_adds_nothing_to_the_recipe_but_calibration_and_training(
     assert result.training["crossval"] == recipe.training["crossval"]
     assert result.training["fit_seconds"] > 0
     assert result.training["val_loss"] >= 0
-    assert load_classifier(training.final).card == result
+    assert load_classifier(training.checkpoint).card == result
 
 
 class Spy(Callback):
@@ -132,11 +132,11 @@ def test_what_is_resumed_is_not_started_again(run_once, tiny, tmp_path, monkeypa
     )
     with pytest.raises(KeyboardInterrupt):
         training.run()
-    assert [*training.working.iterdir()]
-    assert not training.final.exists()
+    assert [*training.epochs_folder.iterdir()]
+    assert not training.checkpoint.exists()
     replace(training, watchers=()).run()
-    assert training.final.is_file()
-    assert not training.working.exists()
+    assert training.checkpoint.is_file()
+    assert not training.epochs_folder.exists()
     assert begun == ["haptic"]
 
 

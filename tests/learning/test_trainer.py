@@ -38,11 +38,11 @@ def test_what_a_callback_raises_is_told_with_its_key():
 def test_what_a_killed_run_kept_to_resume_from_goes_once_it_is_trained(tmp_path: Path) -> None:
     card = make_card("haptic", width=0.1)
     training = Training(None, card, None, None, tmp_path)
-    training.working.mkdir(parents=True)
-    save_checkpoint(card, training.final)
-    (training.working / "last.ckpt").touch()
+    training.epochs_folder.mkdir(parents=True)
+    save_checkpoint(card, training.checkpoint)
+    (training.epochs_folder / "last.ckpt").touch()
     assert training.run().card == card
-    assert not training.working.exists()
+    assert not training.epochs_folder.exists()
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), 1e30])

@@ -304,7 +304,7 @@ class SurfaceClassifier(nn.Module):
         return self._partial_logits(name, self.embedding(name, recording))
 
     def _partial_logits(self, name: str, embedding: Tensor) -> Tensor:
-        scored = self.embedding_layer(name) != self.level(name)
+        scored = self.embedding_layer(name) != self.fused_layer(name)
         features = class_scores(self.senses[name].network, embedding) if scored else embedding
         partial_logits = self.project(name, features)
         if not self.is_weighted(name):
@@ -348,7 +348,7 @@ class SurfaceClassifier(nn.Module):
         """Return the layer whose output is the :meth:`embedding` of a sense."""
         return self.layers[name][0]
 
-    def level(self, name: str) -> Level:
+    def fused_layer(self, name: str) -> Level:
         """Return the layer of a sense that is fused; of a single sense the layer of its scores."""
         return self.layers[name][1]
 

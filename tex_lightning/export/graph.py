@@ -226,7 +226,7 @@ class ClassifierGraph(nn.Module):
         self.networks = nn.ModuleDict(networks)
         self.fused = classifier.fusion is not None
         self.fusion: Any = deepcopy(classifier.fusion)
-        self.scored = {name: classifier.level(name) != self.levels[name] for name in senses}
+        self.scored = {name: classifier.fused_layer(name) != self.levels[name] for name in senses}
         known = {name: classifier.statistics_of(name) for name in senses}
         self.told = bool(classifier.card.novelties) and None not in known.values()
         self.weighted = {name: classifier.is_weighted(name) for name in senses}

@@ -241,6 +241,6 @@ class Costs:
         x = part.blank(height, width).to("meta")
         return count_macs(
             lambda: classifier.project(
-                sense, part.dense_grid(x, classifier.level(sense)).flatten(1)
+                sense, part.dense_grid(x, classifier.fused_layer(sense)).flatten(1)
             )
         )

@@ -218,7 +218,7 @@ class RunningVote(ABC):
 
     def _scores(self, embedding: Tensor, whole: tuple[Tensor, int]) -> Tensor:
         """Return the class scores (classes, positions) of some fragments of the whole."""
-        if self.layer == self.classifier.level(self.name):
+        if self.layer == self.classifier.fused_layer(self.name):
             return embedding
         if self.by_mean:
             score = class_scores(self.sense.network, whole[0][:, None], whole)

@@ -140,10 +140,11 @@ class Training:
             UserError: If a recording is too short, or weights or checkpoints do not fit.
             KeyboardInterrupt: If the user stopped it; the last finished epoch is kept.
         """
-        if self.final.is_file():
-            log.info("%s is %s already.", self.final, "fitted" if self.card.baseline else "trained")
-            shutil.rmtree(self.working, ignore_errors=True)  # if it was killed before it did so
-            return load_classifier(self.final)
+        if self.checkpoint.is_file():
+            done = "fitted" if self.card.baseline else "trained"
+            log.info("%s is %s already.", self.checkpoint, done)
+            shutil.rmtree(self.epochs_folder, ignore_errors=True)  # a killed run may leave it
+            return load_classifier(self.checkpoint)
         return self._fit_baseline() if self.card.baseline else self._train()
 
     def _train(self) -> SurfaceClassifier:
@@ -155,7 +156,7 @@ class Training:
             self.batches = self._make_batches(module)
         samples = make_samples(self.parts.val, self.card.modalities)
         validation = SampleSet(samples, self.store, self.card.classes)
-        fit, resumed = module.fit_config, find_resumable(self.working)
+        fit, resumed = module.fit_config, find_resumable(self.epochs_folder)
         steps, workers = fit["steps_per_epoch"], config.data.num_workers
         data = SurfaceData(self.batches, steps, validation, workers)
         start, finish = LambdaCallback(setup=self._start), LambdaCallback(on_fit_end=self._finish)
@@ -164,12 +165,13 @@ class Training:
         callbacks = [*first, *self.watchers, *configured, finish]
         with quiet_lightning():
             trainer = make_trainer(
-                config.trainer, callbacks, self.loggers, fit, self.working, validated=bool(samples)
-            )
+                config.trainer, callbacks, self.loggers, fit, self.epochs_folder,
+                validated=bool(samples),
+            )  # fmt: skip
             fit_network(trainer, module, data, resumed)
-            trainer.save_checkpoint(self.final, weights_only=True)
+            trainer.save_checkpoint(self.checkpoint, weights_only=True)
             if trainer.is_global_zero:  # what a resumption would need goes
-                shutil.rmtree(self.working, ignore_errors=True)
+                shutil.rmtree(self.epochs_folder, ignore_errors=True)
         return module.classifier
 
     def _make_batches(self, module: SurfaceModule) -> TrainingBatches:
@@ -232,7 +234,7 @@ class Training:
         check_fitted_baseline(classifier, [load_recording(row, self.store) for row in rows[:2]])
         calibration, loss = calibrate_baseline(classifier, self.parts, self.store)
         self._complete(classifier, calibration, {"fit_seconds": self.seconds, "val_loss": loss})
-        classifier.save(self.final)
+        classifier.save(self.checkpoint)
         return classifier
 
     def _complete(
@@ -264,18 +266,18 @@ class Training:
         digest = hashlib.sha256(json.dumps(recipe, sort_keys=True).encode()).hexdigest()[:16]
         shared = replace(self, directory=folder / f"{kind}-{digest}")
         classifier = shared.run()
-        write_bytes(self.final, shared.final.read_bytes())
+        write_bytes(self.checkpoint, shared.checkpoint.read_bytes())
         return classifier
 
     @property
-    def final(self) -> Path:
+    def checkpoint(self) -> Path:
         """The checkpoint that the training writes."""
         return checkpoint_of(self.directory, self.card.kind)
 
     @property
-    def working(self) -> Path:
+    def epochs_folder(self) -> Path:
         """Folder of the checkpoints of its epochs; it is removed at the end."""
-        return self.final.with_suffix("")
+        return self.checkpoint.with_suffix("")
 
     @property
     def device(self) -> torch.device:

@@ -184,7 +184,7 @@ def _test_network(
 ) -> dict[str, Any]:
     """Test a trained network, if there is a test part; return its entry of ``results.json``."""
     config, parts, store = training.config, training.parts, training.store
-    directory, checkpoint = training.directory, training.final
+    directory, checkpoint = training.directory, training.checkpoint
     classifier.to(pick_device(config.trainer.accelerator))
     kind, modalities = classifier.card.kind, classifier.card.modalities
     samples = make_samples(parts.test, modalities)
