@@ -20,7 +20,6 @@ from tex_lightning.core.contract import fault_of
 from tex_lightning.errors import UserError, shorten
 from tex_lightning.networks.archives import check_archive
 
-SUFFIX = ".ckpt"  # of checkpoints of this package
 LABEL = "unknown"
 CROSSVAL = "crossval"  # of the training, if the same settings were cross-validated
 ROUNDING = 1e-9  # of a rate times a number of recordings

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 SETTINGS = "settings.json"
+SUFFIX = ".ckpt"  # of checkpoints of this package
 FAILURE = "failure.json"  # in the folder of a job of a sweep that failed
 LOCK = ".lock"  # held by the process that runs there; one that is killed lets go of it
 NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
@@ -166,7 +167,7 @@ def note_failure(directory: Path, overrides: Sequence[str], reason: str) -> None
 
 def checkpoint_of(directory: Path, kind: str) -> Path:
     """Return the checkpoint of a network in a run folder."""
-    return directory / "checkpoints" / f"{kind}.ckpt"
+    return directory / "checkpoints" / f"{kind}{SUFFIX}"
 
 
 def find_checkpoint(source: str | Path) -> Path:
@@ -178,9 +179,9 @@ def find_checkpoint(source: str | Path) -> Path:
     path = Path(source).expanduser()
     if not path.is_dir():
         return path
-    files = {file.stem: file for file in sorted(path.glob("checkpoints/*.ckpt"))}
+    files = {file.stem: file for file in sorted(path.glob(f"checkpoints/*{SUFFIX}"))}
     if not files:
-        folds = sorted(path.glob("folds/*/checkpoints/*.ckpt"))
+        folds = sorted(path.glob(f"folds/*/checkpoints/*{SUFFIX}"))
         example = f"the file of a fold, such as {folds[0]}" if folds else "that of a finished run"
         raise UserError(
             f"{path} holds no finished checkpoint (checkpoints/KIND.ckpt); give {example}."

@@ -12,9 +12,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.classifier.card import SUFFIX, Card
+from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, DataConfig, Folding
+from tex_lightning.core.run_folder import SUFFIX
 from tex_lightning.data.folds import Split, as_override, split
 from tex_lightning.data.inspection import training_ranges
 from tex_lightning.data.recordings import (

@@ -14,7 +14,6 @@ import torch
 from threadpoolctl import threadpool_limits
 from torch import Tensor, nn
 
-from tex_lightning.classifier.card import SUFFIX
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
 from tex_lightning.config.model import FUSION
@@ -22,6 +21,7 @@ from tex_lightning.core.console import log_once
 from tex_lightning.core.contract import calling
 from tex_lightning.core.groups import leave_out
 from tex_lightning.core.progress import track
+from tex_lightning.core.run_folder import SUFFIX
 from tex_lightning.data.banks import Indices, PhotoBank, mirrored, random_corner
 from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.data.recordings import Recording

@@ -19,13 +19,13 @@ from lightning.pytorch.callbacks import ProgressBar as LightningProgressBar
 from lightning.pytorch.loggers import Logger
 from lightning.pytorch.trainer.states import TrainerStatus
 
-from tex_lightning.classifier.card import SUFFIX
 from tex_lightning.config import TrainerConfig
 from tex_lightning.config.instantiation import build, build_derived
 from tex_lightning.config.keys import nearest
 from tex_lightning.core.console import DEBUG, Screen, log_once
 from tex_lightning.core.files import write_atomically
 from tex_lightning.core.progress import Stage, hidden
+from tex_lightning.core.run_folder import SUFFIX
 from tex_lightning.data.datamodule import SurfaceData
 from tex_lightning.errors import UserError, reason
 from tex_lightning.learning.module import REFRESH, SurfaceModule

@@ -17,12 +17,12 @@ import torch
 from torch import Tensor
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.classifier.card import SUFFIX
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, StabilityConfig
 from tex_lightning.config.keys import choice
 from tex_lightning.config.model import FUSION, kind_of
 from tex_lightning.core.devices import pick_device
+from tex_lightning.core.run_folder import SUFFIX
 from tex_lightning.data.decode import Decoder
 from tex_lightning.data.folds import Sample, make_samples
 from tex_lightning.data.recordings import Recording, write_part

@@ -8,6 +8,7 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import say
+from tex_lightning.core.run_folder import checkpoint_of
 from tex_lightning.data.folds import split, tested_part
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recording, Recordings
@@ -39,7 +40,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     rows = dataset.recordings.rows
     features = position_features(classifier, name, rows, dataset.store)
     adaptation = adapt(classifier, features, predictor.card.unknown_above)
-    target = job.directory / "checkpoints" / f"{card.kind}.ckpt"
+    target = checkpoint_of(job.directory, card.kind)
     adaptation.classifier.cpu().save(target)
     seconds = time.perf_counter() - begin
     entry = {

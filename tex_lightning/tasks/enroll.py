@@ -13,6 +13,7 @@ from tex_lightning.config import Config, DataConfig
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import say
 from tex_lightning.core.devices import pick_device
+from tex_lightning.core.run_folder import checkpoint_of
 from tex_lightning.data.folds import split
 from tex_lightning.data.inspection import training_ranges
 from tex_lightning.data.readers import read_recordings
@@ -45,7 +46,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     classifier.to(pick_device(config.trainer.accelerator))
     classifier = enroll(classifier, dataset)
     seconds, card = time.perf_counter() - begin, classifier.card
-    target = job.directory / "checkpoints" / f"{card.kind}.ckpt"
+    target = checkpoint_of(job.directory, card.kind)
     classifier.save(target)
     counts = Counter((row.label, row.modality) for row in dataset.recordings)
     entry = {
