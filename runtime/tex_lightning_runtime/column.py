@@ -34,7 +34,10 @@ OF_TIME = {  # a name is one of time if all of its words are such
     *TIMES, *UNITS, "t", "date", "clock", "stamp", "unix", "ts", "since", "start", "boot", "utc",
     "system", "relative", "rel", "header", "field", "local", "in",
 } - {"s", "d", "h", "min"}  # fmt: skip
-NO_TIMES = {"flight", "constant", "delta", "diff", "dt", "exposure", "integration", "response"}
+NO_TIMES = {
+    "flight", "constant", "delta", "diff", "dt", "exposure", "integration", "response", "width",
+    "pulse", "delay", "lag", "latency", "period",
+}  # fmt: skip
 INDICES = {
     "index", "idx", "counter", "cnt", "seq", "sequence", "packet", "packets", "packetcounter",
 }  # fmt: skip
@@ -116,7 +119,7 @@ class Column:
         in_time = self.first and "/" not in self.name and not {*self.units}.isdisjoint(UNITS)
         if (in_time or any(word.endswith(GLUED) for word in words)) and self._rises():
             return True
-        if words - units == {"t"}:  # or a temperature
+        if words - units - {"in"} == {"t"}:  # or a temperature
             return all(unit in UNITS for unit in self.units) and self._rises()
         return bool(words & TIMES) or (bool(words) and words <= OF_TIME and self._rises())
 

@@ -13,6 +13,7 @@ from tex_lightning_runtime.samples import Array, Channels
 from tex_lightning_runtime.times import DAY, EVEN, HOUR, UNITS, Even, TableError, even_samples
 
 TURNS = {HOUR: DAY, 60.0: HOUR}  # seconds after which hours and minutes begin anew
+NOMINAL = 0.1  # by which sensors differ from their rate
 MIN_RISING = 8  # samples; fewer numbers may rise by chance
 
 
@@ -67,6 +68,9 @@ def separate(
     if times is not None and time is not None:
         found = even_samples(times, samples)
         said = f"times in {_title(time)}{found.said}"
+        if rate and not math.isclose(found.rate, rate, rel_tol=NOMINAL):
+            told = f"{rate:,.6g} Hz is stated above the table, and its times have {found.rate:,.6g}"
+            found = found._replace(notes=(*found.notes, f"{told} Hz, which count"))
     names = tuple(column.name for column in axes) if axes[0].named else ()
     notes = (*(_warned(axes) if times is None else ()), *_joined(columns), *found.notes)
     return found.samples, found.rate or None, Reading(names, said, left, notes)
@@ -104,11 +108,13 @@ def _check_turns(columns: list[Column]) -> None:
 
 
 def _warned(axes: list[Column]) -> list[str]:
-    """Say of a first axis that rises evenly that it was not taken for time."""
-    steps = np.diff(np.asarray(axes[0].values, np.float64))
-    even = len(steps) > MIN_RISING and bool((abs(steps - steps.mean()) < EVEN * steps.mean()).all())
-    how = "if it is time, call it time_s or time_ms"
-    return [f"{_title(axes[0])} rises evenly and is read as an axis; {how}"] if even else []
+    """Say of the first axis that rises evenly that it was not taken for time."""
+    for axis in axes:
+        steps = np.diff(np.asarray(axis.values, np.float64))
+        if len(steps) > MIN_RISING and (abs(steps - steps.mean()) < EVEN * steps.mean()).all():
+            how = "if it is time, call it time_s or time_ms"
+            return [f"{_title(axis)} rises evenly and is read as an axis; {how}"]
+    return []
 
 
 def _joined(columns: list[Column]) -> list[str]:

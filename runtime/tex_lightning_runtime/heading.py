@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 
-from tex_lightning_runtime.cells import THOUSANDS, WHOLE, Dialect, Kinds, kind
+from tex_lightning_runtime.cells import POINTS, THOUSANDS, WHOLE, Dialect, Kinds, kind
 from tex_lightning_runtime.resampling import MAX_RATE, MIN_RATE
 from tex_lightning_runtime.times import UNITS, TableError
 
@@ -168,7 +168,8 @@ def stated_rate(line: str) -> float | None:
 def _rate(line: str) -> float | None:
     if (found := RATE.search(line)) and (value := _amount(found["value"])):
         unit = (found["unit"] or found["before"] or "").casefold()
-        return value * (1000 if unit.startswith("k") else 1)
+        grouped = value < MIN_RATE and POINTS.fullmatch(found["value"])  # 1.000 Hz in Germany
+        return value * (1000 if grouped or unit.startswith("k") else 1)
     return None
 
 

@@ -121,6 +121,7 @@ READ = {
     "a footer": (table(*XYZ, names="x,y,z\n") + "\n--- end ---\nSamples: 240\n", None),
     "a number of samples": (f"{COUNT * 1000}\n" + table(*XYZ), None),
     "a rate": ("2000\n" + table(*XYZ), RATE),
+    "thousands": ("Abtastrate: 2.000 Hz\n" + table(*XYZ), RATE),
     "fs=": ("fs=2000\n" + table(*XYZ, names="x,y,z\n"), RATE),
     "# rate:": ("# rate: 2000 Hz\n" + table(*XYZ), RATE),
     "kHz": ("Sampling rate (kHz);2\n" + table(*XYZ, mark=";", comma=True, names="x;y;z\n"), RATE),
@@ -157,6 +158,7 @@ READ = {
     "time last": (table(*XYZ, times(), names="x,y,z,Time\n"), RATE),
     "time_ms": (table(times(1e3), *XYZ, names="time_ms,x,y,z\n"), RATE),
     "timeMs": (table(times(1e3), *XYZ, names="timeMs,x,y,z\n"), RATE),
+    "t in s": (table(times(), *XYZ, names="t in s;x;y;z\n", mark=";", comma=True), RATE),
     "Zeit in ms": (table(times(1e3), *XYZ, names="Zeit in ms;x;y;z\n", mark=";", comma=True), RATE),
     "TimeUS": (table(times(1e6, "{:.0f}", 5e7), *XYZ, names="TimeUS,x,y,z\n"), RATE),
     "micros": (table(times(1e6, "{:.0f}"), *XYZ, names="micros,x,y,z\n"), RATE),
@@ -381,7 +383,8 @@ def test_whole_numbers_are_axes_whatever_they_do(tmp_path, names):
     [
         "position_mm,force_N,z", "T,force,z", "T1,T2,T3", "temperature,b,c", "x,y,z", "depth,b,c",
         "time constant of the delta,y,z", "count,y,z", "n,y,z", "index finger,thumb,ring",
-        "tow,b,c", "sensor 1,sensor 2,sensor 3", "data,counts,raw", "target force,y,z",
+        "tow,b,c", "pulse width (us),b,c", "speed m/s,b,c", "distance (m),b,c",
+        "sensor 1,sensor 2,sensor 3", "data,counts,raw", "target force,y,z",
     ],
 )  # fmt: skip
 def test_what_rises_is_time_or_counter_only_by_its_name(tmp_path, names):
@@ -535,6 +538,13 @@ def test_a_line_that_is_cut_to_one_number_is_no_rate(tmp_path):
         assert (samples.shape, rate, bool(reading.notes)) == ((2, COUNT), expected, not expected)
     samples, rate, _ = read_table(write(tmp_path, f"7392\n{table(X)}"))
     assert (samples.shape, rate) == ((1, COUNT), None)
+
+
+def test_times_that_contradict_the_rate_above_are_told(tmp_path):
+    for stated, told in ((RATE * 1.02, 0), (RATE / 2, 1)):
+        text = f"# sampling rate: {stated} Hz\n" + table(times(), *XYZ, names="time,x,y,z\n")
+        _, rate, reading = read_table(write(tmp_path, text))
+        assert (rate, len(reading.notes)) == (pytest.approx(RATE), told)
 
 
 def test_recordings_that_follow_each_other_are_told(tmp_path):
