@@ -257,6 +257,8 @@ def test_what_is_no_table_is_refused(given, said):
         ("group", [-1, " ", 1.0, None, np.zeros(2)]),
         ("sampling_rate", [0.0, -1, "100", float("nan"), float("inf")]),
         ("fold", [-1, "1", 0.5]),
+        ("conditions", [{"speed": "60"}, ("speed", "60"), (("speed", 60),), None]),
+        ("part", [(0.5, 0.2), (0, 2), ("0", "1"), (0.5,), "0-0.5"]),
     ],
 )
 def test_a_wrong_field_is_named_with_its_record(field, values):

@@ -97,8 +97,8 @@ class Recording:
             and test: any text, such as a session, a specimen or a person, or a whole number.
         sampling_rate: Rate of a signal in Hz if the reader has it, else None (a WAV file states its
             rate; other formats have the configured rate).
-        conditions: Conditions of the recording as names and values, such as
-            ``("speed", "60")``; every further column of a manifest is one.
+        conditions: Conditions of the recording, each a pair of name and value, such as
+            ``(("speed", "60"),)``; every further column of a manifest is one.
         part: The part of the file, as fractions of the length of a signal or of the width of a
             photo (see above); None is the whole file.
         fold: Fold in the division of the whole table, from 0; None leaves that to :mod:`.folds`.
@@ -242,7 +242,7 @@ def natural_key(text: str) -> tuple[list[tuple[int, int, str]], str]:
     return parts, text
 
 
-def read_manifest(path: Path) -> Recordings:
+def read_manifest(path: str | Path) -> Recordings:
     r"""Read a table from CSV with the columns ``label,modality,path,group``.
 
     Relative paths are relative to the manifest; an optional column ``rate`` (Hz) gives the rate
@@ -262,6 +262,7 @@ def read_manifest(path: Path) -> Recordings:
         >>> tl.read_manifest(table).classes
         ['oak']
     """
+    path = Path(path)
     if not is_file(path):
         raise UserError(f"Manifest {path} does not exist; give an existing CSV in data.manifest.")
     try:
@@ -428,6 +429,11 @@ def check_row(row: Any, where: str) -> None:  # noqa: ANN401
             raise UserError(f"{where} has {name} {shorten(repr(value))}; give {wanted}.")
 
 
+def _is_pair(given: Any, kind: type) -> bool:  # noqa: ANN401
+    of_two = isinstance(given, tuple) and len(given) == 2
+    return of_two and all(isinstance(item, kind) for item in given)
+
+
 FIELDS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "label": (lambda x: isinstance(x, str) and x.strip() != "", "a name"),
     "modality": (
@@ -442,8 +448,13 @@ FIELDS: dict[str, tuple[Callable[[Any], bool], str]] = {
         lambda x: x is None or (isinstance(x, Real) and 0 < float(x) < math.inf),
         "a number of Hz, or none",
     ),
+    "conditions": (
+        lambda x: isinstance(x, tuple) and all(_is_pair(item, str) for item in x),
+        'pairs of texts, such as (("speed", "60"),)',
+    ),
     "part": (
-        lambda x: x is None or isinstance(x, tuple), "two rising fractions, such as 0-0.5, or none"
+        lambda x: x is None or (_is_pair(x, Real) and 0 <= x[0] < x[1] <= 1),
+        "two rising fractions, such as 0-0.5, or none",
     ),
     "fold": (
         lambda x: x is None or (isinstance(x, Integral) and int(x) >= 0),

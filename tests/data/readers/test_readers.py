@@ -145,6 +145,8 @@ def test_a_manifest_gives_the_same_table_as_the_folder(surfaces, tmp_path):
     write_manifest(rows, tmp_path / "m.csv")
     again = read("data=manifest", f"data.manifest={tmp_path}/m.csv")
     assert set(again.rows) == {replace(row, path=row.path.resolve()) for row in rows}
+    assert read_manifest(str(tmp_path / "m.csv")) == again
+    assert read_folder(str(surfaces)).rows == read_folder(surfaces).rows
 
 
 SMALL = "data.synthetic={recordings: 2, seconds: 1, photo_width: 64, photo_height: 48}"

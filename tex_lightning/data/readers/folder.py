@@ -70,7 +70,7 @@ class ManifestReader:
         return read_manifest(Path(self.manifest).expanduser())
 
 
-def read_folder(root: Path) -> Recordings:
+def read_folder(root: str | Path) -> Recordings:
     """Read a folder with one folder per class; notes of the table list skipped files.
 
     Raises:
@@ -78,11 +78,11 @@ def read_folder(root: Path) -> Recordings:
 
     Example:
         >>> import tex_lightning as tl
-        >>> from pathlib import Path
-        >>> table = tl.read_folder(Path("DIR"))
+        >>> table = tl.read_folder("DIR")
         >>> table.classes, len(table.of("haptic"))
         (['alpha', 'beta', 'gamma'], 30)
     """
+    root = Path(root)
     if not root.is_dir():
         raise UserError(f"Folder {root} does not exist; give an existing folder in data.root.")
     rows: list[Recording] = []
