@@ -264,6 +264,52 @@ def test_levels_or_a_class_without_pieces_leave_short_recordings_to_the_line_of_
     assert not network.head.scores.short.in_use
 
 
+def slow_recordings(spread: float, gain: float = 0.0, seed: int = 0):
+    """Rows of four classes that differ in shape, and in level by so much; the last are loudness."""
+    rng, labels = np.random.default_rng(seed), torch.arange(4).repeat(8)
+    shape = spread * np.eye(4)[labels] @ np.random.default_rng(1).standard_normal((4, 6))
+    level = np.tile(np.arange(4.0)[labels][:, None], 4)
+    values = np.concatenate((shape, level), axis=1) + 0.2 * rng.standard_normal((32, 10))
+    values[:, -2:] += gain
+    return rows(values), labels
+
+
+SLOW = [("shape", 6), ("level", 2), ("level", 2)]
+
+
+@pytest.mark.parametrize("gain", [-12.0, 12.0])
+def test_a_strength_that_no_training_had_is_scored_by_shape_alone(gain):
+    network, shapes = LinearNet(4, bands=10, blocks=SLOW), LinearNet(4, bands=6)
+    inputs, labels = slow_recordings(1)
+    network.fit(inputs, labels)
+    shapes.fit([x[:, :6] for x in inputs], labels)
+    state = network.state_dict()
+    loaded = LinearNet(4, bands=10, blocks=SLOW)
+    loaded.load_state_dict(state)
+    other = slow_recordings(1, gain, seed=3)[0]
+    scores = torch.cat([loaded.eval()(x[None]) for x in other])
+    expected = torch.cat([shapes.eval()(x[None, :, :6]) for x in other])
+    torch.testing.assert_close(scores, expected, rtol=1e-3, atol=1e-3)
+    assert (scores[..., 0].argmax(dim=1) == labels).float().mean() > 0.9
+    usual = slow_recordings(1, seed=4)[0]
+    before = [loaded(x[None]) for x in usual]
+    loaded.head.scores.gainless.take(None)
+    assert not torch.allclose(torch.cat([loaded(x[None]) for x in other]), scores, atol=0.1)
+    for x, expected in zip(usual, before, strict=True):
+        torch.testing.assert_close(loaded(x[None]), expected, rtol=0, atol=0)
+
+
+def test_what_levels_alone_tell_is_told_by_them_at_any_strength():
+    inputs, labels = slow_recordings(0)
+    for blocks in (SLOW, [("power", 6), *SLOW[1:]]):
+        network = LinearNet(4, bands=10, blocks=blocks)
+        network.fit(inputs, labels)
+        assert not network.head.scores.gainless.in_use
+    network = LinearNet(4, bands=10, blocks=[("power", 6), *SLOW[1:]])
+    network.fit(*slow_recordings(1))  # power depends on the gain, whatever it tells
+    assert not network.head.scores.gainless.in_use
+
+
 def disturbed_along(direction: torch.Tensor, inputs: list[torch.Tensor]):
     """Pairs of inputs, and of the same moved to and fro."""
     ways = [(-1) ** number * direction[:, None] for number in range(len(inputs))]

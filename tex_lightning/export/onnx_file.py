@@ -128,7 +128,7 @@ def noise_sample(classifier: SurfaceClassifier, seed: int) -> Sample:
     for sense in classifier.senses.values():
         noise = example(sense, seed)
         if sense.medium == "signal":
-            axes = 1 if seed % 4 < 2 else 3
+            axes = getattr(sense.features, "levels", 0) or (1 if seed % 4 < 2 else 3)
             samples = round(noise.shape[1] * rng.uniform(SHORTEST, 2))
             noise = noise.repeat(1, 2)[:axes, :samples]
             if seed % 2:

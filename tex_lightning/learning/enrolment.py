@@ -19,7 +19,7 @@ from tex_lightning.classifier.classifier import ROWS, STATISTICS, SurfaceClassif
 from tex_lightning.classifier.statistics import FeatureStatistics, TrainingRows
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import ScoreLayer, score_layer_of
-from tex_lightning.networks.line import SHORT, RangeGate
+from tex_lightning.networks.line import GAINLESS, SHORT, RangeGate
 
 Fragments = Sequence[Sequence[Tensor]]  # by class and recording, features (D, positions)
 DRAWN = 60  # features of each class that stand for its recordings
@@ -230,8 +230,9 @@ def _rebuilt(
     extended = SurfaceClassifier(card)
     kept = {
         name: value
-        for name, value in state.items()  # the scores of short recordings are of the old classes
-        if not name.startswith((STATISTICS, ROWS)) and f".{SHORT}." not in name
+        for name, value in state.items()  # the scores of other recordings are of the old classes
+        if not name.startswith((STATISTICS, ROWS))
+        and not {SHORT, GAINLESS}.intersection(name.split("."))
     }
     try:
         extended.load_state_dict(kept)

@@ -14,6 +14,7 @@ from tex_lightning.networks.ridge import (
     discriminants,
     reliability_of_means,
     reliability_of_one,
+    whitened,
 )
 
 SHARPNESS = 10.0  # of scores from about 0 to 1, to begin with
@@ -171,7 +172,7 @@ class LineFit:
     def solve(self, ridge: Ridge, choice: Choice) -> tuple[Tensor, Tensor, Tensor]:
         """Return whitening, weights (D, classes) and bias (classes,) of a fit to all rows."""
         weights, offset, whitening = ridge.solve(choice.products, choice.penalty, choice.ridge)
-        scores = ridge.whitened(ridge.rows, whitening) @ weights + offset
+        scores = whitened(ridge.rows, whitening) @ weights + offset
         coefficients, intercept = self._discriminants(scores, ridge.labels)
         return whitening, weights @ coefficients, offset @ coefficients + intercept
 
@@ -197,11 +198,109 @@ class LineFit:
         labels = ridge.labels
         rest = Ridge(ridge.rows[~out], labels[~out], ridge.classes, ridge.changes, ridge.levels)
         whitening, weights, bias = self.solve(rest, choice)
-        scores = rest.whitened(ridge.rows[out], whitening) @ weights + bias
+        scores = whitened(ridge.rows[out], whitening) @ weights + bias
         scores, about = enlarged(scores.T, factors).T, SHARPNESS
         for _ in range(2):  # of many classes it is beyond ten times of the first
             about = sharpness_of(scores, labels[out], parts[out], about)
         return about
+
+
+class LeftOut(NamedTuple):
+    """How rows are left out.
+
+    Attributes:
+        parts: (rows,) part in which each is left out; -1 for none.
+        units: (rows,) number of what it is left out with.
+    """
+
+    parts: Tensor
+    units: Tensor
+
+
+class Tried(NamedTuple):
+    """What a line gave for the rows that its settings were chosen on.
+
+    Attributes:
+        some: Numbers of these rows.
+        labels: Class index of each.
+        left_out: How they were left out.
+        scores: Scores (rows, classes) of each when it was left out, else 0.
+    """
+
+    some: Tensor
+    labels: Tensor
+    left_out: LeftOut
+    scores: Tensor
+
+    @property
+    def right(self) -> int:
+        """Number of the left-out rows with the right class."""
+        return int((self.scores.argmax(dim=1) == self.labels)[self.left_out.parts >= 0].sum())
+
+
+class Line(NamedTuple):
+    """Linear scores that were fitted.
+
+    Attributes:
+        tried: What they gave for left-out rows.
+        whitening: (levels, levels) that the levels are multiplied by before.
+        weights: (D, classes).
+        bias: (classes,).
+        size: By how much the scores of each class are enlarged (classes,).
+    """
+
+    tried: Tried
+    whitening: Tensor
+    weights: Tensor
+    bias: Tensor
+    size: Tensor
+
+    def enlarged(self, share: Tensor) -> tuple[Tensor, Tensor]:
+        """Return weights (classes, D), of features times ``share`` (D,), and bias, enlarged."""
+        return enlarged(share * self.weights.T, self.size), enlarged(self.bias, self.size)
+
+
+def fit_line(
+    rows: Tensor,
+    labels: Tensor,
+    left_out: LeftOut,
+    changes: Tensor,
+    subsets: Iterable[Tensor],
+    *,
+    classes: int,
+    levels: int,
+    strength: float | None,
+    shrinkage: float,
+) -> Line:
+    """Fit linear scores to all rows, with settings that are chosen on some of them.
+
+    Args:
+        rows: (rows, D) float64, standardised.
+        labels: (rows,) class indices.
+        left_out: How rows are left out.
+        changes: (changes, D) that are to change no score.
+        subsets: Which features (D,) may be used together.
+        classes: Number of classes.
+        levels: Number of the last features, whose scatter is made equal.
+        strength: As of :class:`LineFit`.
+        shrinkage: Likewise.
+    """
+    some, nth = chosen_rows(labels, classes)
+    few, (parts, units) = labels[some] // nth, (x[some] for x in left_out)
+    ridge = Ridge(rows[some], few, math.ceil(classes / nth), changes, levels)
+    fit = LineFit(ridge, parts, units, strength=strength, shrinkage=shrinkage)
+    choice = fit.choose(subsets)
+    one, counts = fit.reliability(choice)
+    factors = factors_of(one, counts)
+    scores = fit.left_out_scores(choice, factors)
+    whole = Ridge(rows, labels, classes, changes, levels)
+    if nth == 1:
+        sharpness = sharpness_of(scores, few, parts, SHARPNESS)
+    else:
+        factors = factors_of(one, count_units(labels, left_out.units, classes))
+        sharpness = fit.sharpness_of_one_part(whole, left_out.parts, choice, factors)
+    tried = Tried(some, few, LeftOut(parts, units), scores)
+    return Line(tried, *fit.solve(whole, choice), factors * sharpness)
 
 
 def chosen_rows(labels: Tensor, classes: int) -> tuple[Tensor, int]:

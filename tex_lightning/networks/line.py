@@ -6,16 +6,19 @@ from typing import Any, cast
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import conv2d
+from torch.nn.functional import conv2d, pad
 
 from tex_lightning.core.devices import is_at_hand
 from tex_lightning.networks.blocks import FittedLater
+from tex_lightning.networks.choice import Line
 from tex_lightning.networks.planes import ClassPlanes
 
 BLOCK = 512  # positions that are scored at once
 MARGIN = 4.0  # over the root of the rows: of few the largest length says little about the next
 ROWS = 1000  # that are measured at once
-SHORT = "short"  # name of the scores of short recordings
+APART = 6.0  # deviations of strength, over the root of the rows, beyond the weakest and strongest
+SUFFICES = 0.75  # of the left-out rows that are right with levels, for scores without
+SHORT, GAINLESS = "short", "gainless"  # names of the scores of other recordings
 
 
 class RangeGate(nn.Module):
@@ -121,6 +124,74 @@ class ShortLine(FittedLater):
         return mine if count <= self.limit and not self.training else others
 
 
+class GainlessLine(FittedLater):
+    """Other linear scores for recordings that are weaker or stronger than all in training.
+
+    Another gain of the sensor says nothing of the material, and they leave out what depends on it.
+
+    Args:
+        classes: Number of classes.
+
+    Attributes:
+        direction: (D,) whose product with the mean features is the strength of a recording.
+        limits: Least and largest strength (2,) with which the usual scores are used.
+    """
+
+    weight: Tensor
+    bias: Tensor
+    direction: Tensor
+    limits: Tensor
+
+    def __init__(self, classes: int) -> None:
+        super().__init__(("weight", "bias", "direction", "limits"), classes)
+
+    def fit(self, usual: Line, other: Line | None, rows: Tensor, share: Tensor) -> None:
+        """Use a line without what depends on the gain, if it tells the classes apart, too.
+
+        Where levels alone tell them, as those of a pressure, no other scores take their place.
+
+        Args:
+            usual: The line of all features.
+            other: That of the features before the levels; None uses none.
+            rows: (rows, D) training rows as the usual line gets them, the levels last.
+            share: Of each feature in the length of a row (D,).
+        """
+        self.take(None)
+        right = other.tried.right if other else 0
+        if other is None or not right or right < SUFFICES * usual.tried.right:
+            return
+        levels = len(usual.whitening)
+        before, last = (
+            len(share) - levels,
+            max(1, levels // 2),
+        )
+        weights, bias = other.enlarged(share[:before])
+        mean = torch.cat((torch.zeros(levels - last), torch.full((last,), 1 / last))).double()
+        direction = torch.linalg.solve(usual.whitening, mean)
+        strengths = rows[:, before:] @ direction
+        margin = APART * strengths.std(correction=0) / len(rows) ** 0.5
+        self.take({
+            "weight": pad(weights, (0, levels))[:, :, None, None],
+            "bias": bias,
+            "direction": pad(direction, (before, 0)),
+            "limits": torch.stack((strengths.min() - margin, strengths.max() + margin)),
+        })  # fmt: skip
+
+    def forward(self, inside: Tensor, mean: Tensor, usual: Tensor) -> Tensor:
+        """Return the class scores (B, classes, M, N), of usual recordings the usual ones.
+
+        Args:
+            inside: Features (B, D, M, N) that passed the gate.
+            mean: (B, D, 1) of all fragments of the recording before the gate.
+            usual: Usual scores of the same.
+        """
+        strength = mean.flatten(1) @ self.direction
+        far = (strength < self.limits[0]) | (strength > self.limits[1])
+        if is_at_hand(mean) and not far.any():
+            return usual
+        return torch.where(far[:, None, None, None], conv2d(inside, self.weight, self.bias), usual)
+
+
 class LineOrPlanes(nn.Sequential):
     """Class scores of features that passed a gate: by a linear layer, or by planes where better.
 
@@ -130,9 +201,9 @@ class LineOrPlanes(nn.Sequential):
     """
 
     def __init__(self, gate: nn.Module, layer: nn.Conv2d) -> None:
-        planes, short = ClassPlanes(layer.out_channels), ShortLine(layer.out_channels)
-        parts = [("0", gate), ("planes", planes), (SHORT, short), ("1", layer)]
-        super().__init__(OrderedDict(parts))
+        count = layer.out_channels
+        parts = [("0", gate), ("planes", ClassPlanes(count)), (SHORT, ShortLine(count))]
+        super().__init__(OrderedDict([*parts, (GAINLESS, GainlessLine(count)), ("1", layer)]))
 
     def forward(self, x: Tensor, whole: tuple[Tensor, int] | None = None) -> Tensor:
         """Map features (B, D, M, N) to class scores before softmax (B, classes, M, N).
@@ -143,12 +214,15 @@ class LineOrPlanes(nn.Sequential):
             if whole is None:
                 whole = x.flatten(2).mean(dim=2, keepdim=True), x[0, 0].numel()
             return torch.cat([self(part, whole) for part in torch.split(x, BLOCK, dim=-1)], dim=-1)
-        gate, planes, short, layer = self
-        inside = gate(x, whole)
-        if self.is_linear:
-            count = x[0, 0].numel() if whole is None else whole[1]
-            return conv2d(inside, *cast(ShortLine, short).layer(cast(nn.Conv2d, layer), count))
-        scores: Tensor = planes(inside)
+        gate, planes, short, gainless, layer = self
+        inside: Tensor = gate(x, whole)
+        if not self.is_linear:
+            return cast(Tensor, planes(inside))
+        count = x[0, 0].numel() if whole is None else whole[1]
+        scores = conv2d(inside, *cast(ShortLine, short).layer(cast(nn.Conv2d, layer), count))
+        if cast(GainlessLine, gainless).in_use and not self.training:
+            mean = x.flatten(2).mean(dim=2, keepdim=True) if whole is None else whole[0]
+            scores = gainless(inside, mean, scores)
         return scores
 
     @property

@@ -4,9 +4,9 @@ A rule with one weight for each feature needs few recordings of a class, and fit
 moment: ridge regression of the classes on the features, as in MiniRocket (Dempster et al. 2021).
 """
 
-import math
 import statistics
-from collections.abc import Hashable, Iterable, Iterator, Sequence
+from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
+from functools import partial
 from itertools import product
 from typing import Annotated, cast
 
@@ -17,24 +17,23 @@ from tex_lightning.core.groups import PARTS, leave_out, left_out_units
 from tex_lightning.networks.blocks import Head, Level
 from tex_lightning.networks.choice import (
     SHARPNESS,
-    LineFit,
-    chosen_rows,
-    count_units,
-    enlarged,
-    factors_of,
+    LeftOut,
+    Line,
+    fit_line,
     sharpness_of,
 )
-from tex_lightning.networks.line import LineOrPlanes, RangeGate, ShortLine
+from tex_lightning.networks.line import GainlessLine, LineOrPlanes, RangeGate, ShortLine
 from tex_lightning.networks.planes import (
     DIRECTIONS,
     ClassPlanes,
     clearly_better_planes,
     fit_planes,
 )
-from tex_lightning.networks.ridge import Ridge
+from tex_lightning.networks.ridge import whitened
 
 MIN_DEVIATION = 1e-3  # of a feature; one that hardly varies says nothing
-OPTIONAL = ("power", "axes")  # kinds of blocks that are left out unless they help
+OPTIONAL = (("power",), ("axes", "axes_power"))  # kinds of blocks, left out unless they help
+GAIN = {"power", "axes_power"}  # kinds of blocks that depend on the gain, beside the levels
 CURVED = "mean"  # kind of block in which classes can be planes
 WHITENED = "level"  # kind of block whose features vary together, as under another pressure
 SHORT_PART = 0.25  # of the fragments of a usual training recording: with fewer it is short
@@ -206,41 +205,36 @@ class LinearNet(nn.Module):
         """
         counted = recordings or range(len(labels))
         given = labels = labels.cpu()
-        rows, labels, parts, units = _rows(inputs, labels, groups or counted, counted)
+        rows, labels, left_out = _rows(inputs, labels, groups or counted, counted)
         usual = statistics.median(features.shape[-1] for features in inputs)
         mean, deviation = rows.mean(dim=0), rows.std(dim=0, correction=0)
         scale = torch.where(deviation > MIN_DEVIATION, 1 / deviation, 0)
         share = torch.repeat_interleave(self.sizes.double().rsqrt(), self.sizes)  # of unit length
         rows, changes = rows.sub_(mean).mul_(scale * share), self._changes(disturbed, scale * share)
-        some, nth = chosen_rows(labels, self.classes)
-        few, few_parts, few_units = labels[some] // nth, parts[some], units[some]
-        ridge = Ridge(rows[some], few, math.ceil(self.classes / nth), changes, self.levels)
-        line = LineFit(
-            ridge, few_parts, few_units, strength=self.strength, shrinkage=self.shrinkage
-        )
-        choice = line.choose(self._subsets())
-        one, counts = line.reliability(choice)
-        factors = factors_of(one, counts)
-        left_out = line.left_out_scores(choice, factors)
-        whole = Ridge(rows, labels, self.classes, changes, self.levels)
-        if nth == 1:
-            sharpness = sharpness_of(left_out, few, few_parts, SHARPNESS)
-        else:
-            factors = factors_of(one, count_units(labels, units, self.classes))
-            sharpness = line.sharpness_of_one_part(whole, parts, choice, factors)
-        whitening, weights, bias = line.solve(whole, choice)
-        rows = whole.whitened(rows, whitening).div_(share)  # in place: many take all the memory
+        fitted = partial(
+            fit_line, labels=labels, left_out=left_out, classes=self.classes,
+            strength=self.strength, shrinkage=self.shrinkage,
+        )  # fmt: skip
+        line = fitted(rows, changes=changes, subsets=self._subsets(), levels=self.levels)
+        others, gainless = slice(len(share) - self.levels), None
+        subsets = [kept[others] for kept in self._subsets(without=GAIN) if kept[others].any()]
+        if self.levels and subsets:
+            gainless = fitted(
+                rows[:, others], changes=changes[:, others], subsets=subsets, levels=0
+            )
+        rows = whitened(rows, line.whitening).div_(share)  # in place: many take all the memory
         self.mean.copy_(mean[:, None, None])
         self.scale.copy_(scale[:, None, None])
-        self.whitening.copy_(whitening)
+        self.whitening.copy_(line.whitening)
         gate: RangeGate = self.head.scores[0]  # type: ignore[index]
         gate.limits.copy_(gate.limits_of(rows))
         gate.fragments.fill_(usual if len(rows) == len(inputs) else 1)
-        weights, bias = (enlarged(x, factors * sharpness) for x in (share * weights.T, bias))
+        weights, bias = line.enlarged(share)
         self.score_layer.weight.copy_(weights[:, :, None, None])
         self.score_layer.bias = nn.Parameter(bias.to(self.score_layer.weight))
-        left_out = left_out if len(rows) == len(inputs) and usual >= 2 else left_out[:0]
-        self._fit_planes(inputs, labels, some, (few, few_parts, few_units, left_out))
+        self._fit_planes(inputs, labels, line, whole=len(rows) == len(inputs) and usual >= 2)
+        other: GainlessLine = self.head.scores.gainless  # type: ignore[assignment]
+        other.fit(line, gainless if self.head.scores.is_linear else None, rows, share)
         most = int(usual * SHORT_PART)
         self._fit_short(inputs, given, groups, counted, pieces, disturbed, most)
 
@@ -264,27 +258,21 @@ class LinearNet(nn.Module):
         return unit
 
     def _fit_planes(
-        self,
-        inputs: Sequence[Tensor],
-        labels: Tensor,
-        some: Tensor,
-        tried: tuple[Tensor, Tensor, Tensor, Tensor],
+        self, inputs: Sequence[Tensor], labels: Tensor, line: Line, *, whole: bool
     ) -> None:
         """Fit planes of the classes in one of the blocks of means, if they clearly beat the line.
 
         Args:
             inputs: Features (1, D, L) of each recording.
             labels: (recordings,) class indices.
-            some: Numbers of the recordings that settings are chosen on.
-            tried: Of these the class, the part in which each is left out, -1 for none, the number
-                of what it is left out with, and the line's scores when it was; none of the last
-                where fragments are no parts of recordings.
+            line: The line.
+            whole: Whether its rows are recordings, of which fragments are parts.
         """
         planes: ClassPlanes = self.head.scores.planes  # type: ignore[assignment]
         planes.take(None)
-        few, parts, units, rival = tried
-        if not len(rival):
+        if not whole:
             return
+        some, few, (parts, units), rival = line.tried
         mean, scale = (x.double().cpu()[:, :, 0] for x in (self.mean, self.scale))
         ends = self.sizes.cumsum(dim=0).tolist()
         spans = [
@@ -357,12 +345,17 @@ class LinearNet(nn.Module):
         weight = torch.where(scale > 0, weight / scale, 0)[:, :, None, None]
         return weight, cast(Tensor, layer.bias).double() + shift
 
-    def _subsets(self) -> Iterator[Tensor]:
-        """Yield which features (D,) are used: with every choice of optional blocks, none first."""
-        kinds = [kind for kind in OPTIONAL if any(kind == name for name, _ in self.blocks)]
-        for wanted in product((False, True), repeat=len(kinds)):
-            left_out = {kind for kind, use in zip(kinds, wanted, strict=True) if not use}
-            kept = torch.tensor([kind not in left_out for kind, _ in self.blocks])
+    def _subsets(self, without: Collection[str] = ()) -> Iterator[Tensor]:
+        """Yield which features (D,) are used: with every choice of optional blocks, none first.
+
+        Those of the kinds ``without`` never are.
+        """
+        blocks = {kind for kind, _ in self.blocks}.difference(without)
+        optional = [kinds for kinds in OPTIONAL if blocks.intersection(kinds)]
+        for wanted in product((False, True), repeat=len(optional)):
+            unused = (kinds for kinds, use in zip(optional, wanted, strict=True) if not use)
+            used = blocks.difference(*unused)
+            kept = torch.tensor([kind in used for kind, _ in self.blocks])
             if kept.any():
                 yield torch.repeat_interleave(kept, self.sizes).double()
 
@@ -372,12 +365,11 @@ def _rows(
     labels: Tensor,
     groups: Sequence[Hashable],
     recordings: Sequence[Hashable],
-) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+) -> tuple[Tensor, Tensor, LeftOut]:
     """Return a row for each recording, or for each fragment where each class has one recording.
 
     Returns:
-        Rows (rows, D), their labels, the part in which each is left out, -1 for none, and the
-        number of what it is left out with.
+        Rows (rows, D), their labels, and how they are left out.
     """
     parts = torch.tensor(leave_out(labels.tolist(), groups, recordings))
     named = left_out_units(labels.tolist(), groups, recordings)
@@ -387,8 +379,8 @@ def _rows(
         rows = torch.empty(len(inputs), inputs[0].shape[1], dtype=torch.float64)
         for row, features in zip(rows, inputs, strict=True):
             row.copy_(features[0].double().mean(dim=1))
-        return rows, labels, parts, units
+        return rows, labels, LeftOut(parts, units)
     fragments = torch.tensor([features.shape[-1] for features in inputs])
     rows = torch.cat([features[0].T for features in inputs]).cpu().double()
     labels, units = (torch.repeat_interleave(x, fragments) for x in (labels, units))
-    return rows, labels, torch.arange(len(rows)) % PARTS, units
+    return rows, labels, LeftOut(torch.arange(len(rows)) % PARTS, units)

@@ -78,13 +78,6 @@ class Ridge:
             kept, others @ others.T, across, directions, variances, float(size) / len(rows)
         )
 
-    def whitened(self, rows: Tensor, whitening: Tensor) -> Tensor:
-        """Return rows (rows, D) with the levels multiplied by a matrix (levels, levels)."""
-        if not self.levels:
-            return rows
-        start = rows.shape[1] - self.levels
-        return torch.cat((rows[:, :start], rows[:, start:] @ whitening), dim=1)
-
     def kernel(self, products: Products, penalty: float, ridge: float, some: Tensor) -> Tensor:
         """Return products (rows, rows) after what a fit to some rows does to the features.
 
@@ -131,12 +124,12 @@ class Ridge:
         if self.levels:
             whitening = equal_scatter(self.rows[:, -self.levels :], self.labels)
         centre, share = weights @ self.rows, weights @ self.targets
-        centre = self.whitened(centre[None] * products.kept, whitening)
+        centre = whitened(centre[None] * products.kept, whitening)
         root, targets = weights.sqrt()[:, None], self.targets - share
         variances = penalty * products.variances
 
         def centred(some: slice) -> Tensor:
-            rows = self.whitened(self.rows[some] * products.kept, whitening)
+            rows = whitened(self.rows[some] * products.kept, whitening)
             return rows.sub_(centre).mul_(root[some])
 
         if len(self.rows) > self.rows.shape[1]:
@@ -159,6 +152,14 @@ class Ridge:
             along = products.directions @ solution
             solution = solution - products.directions.T @ (shrunk[:, None] * along)
         return solution, share - (centre @ solution)[0], whitening
+
+
+def whitened(rows: Tensor, whitening: Tensor) -> Tensor:
+    """Return rows (rows, D) with the levels, the last ones, times a matrix (levels, levels)."""
+    start = rows.shape[1] - len(whitening)
+    if start == rows.shape[1]:
+        return rows
+    return torch.cat((rows[:, :start], rows[:, start:] @ whitening), dim=1)
 
 
 def reliability_of_means(one: float, counts: Tensor) -> Tensor:

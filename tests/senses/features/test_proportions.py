@@ -94,7 +94,8 @@ def test_blocks_name_all_features_in_their_order():
     features = make(levels=2)
     features.learn([noise(4, axes=2)])
     kinds = [kind for kind, _ in features.blocks]
-    window = [*["shape"] * 3, "power", *["axes"] * 4, *["mean"] * 2, "deviation"]
+    axes = [*["axes"] * 3, "axes_power"]
+    window = [*["shape"] * 3, "power", *axes, *["mean"] * 2, "deviation"]
     assert kinds == window * 2 + ["level"] * 2
     assert sum(size for _, size in features.blocks) == features.bands
     assert features(noise(4, axes=2)).shape[2] == features.bands

@@ -42,7 +42,8 @@ SILENCE = 1e-15  # of the mean power of the training set, likewise
 EMPTY, LEAST_DEPTH = 4.0, 2.0  # deviations, and nepers of power: a band that far below is empty
 QUIET = 1e-3  # of a channel's usual deviation, likewise
 MAX_APART = 8  # axes of a slow signal whose bands also count one by one
-SHAPE, POWER, AXES = "shape", "power", "axes"  # kinds of blocks of proportions
+SHAPE, POWER = "shape", "power"  # kinds of blocks of proportions
+AXES, AXES_POWER = "axes", "axes_power"  # the same of every axis by itself
 MEAN, DEVIATION, LEVEL = "mean", "deviation", "level"
 
 
@@ -64,7 +65,7 @@ class BandProportions(nn.Module):
 
     - ``power``: proportions of a band compared with the mean power of the training set;
     - ``deviation``: the deviations of all four comparisons;
-    - ``axes``: the same proportions of every axis by itself, of 2 to 8 axes;
+    - ``axes`` and ``axes_power``: the same proportions of every axis by itself, of 2 to 8 axes;
     - ``level``: mean and logarithm of the deviation of each channel; where all training samples of
       a channel are positive, as of a pressure, the mean is a logarithm too, so that a gain becomes
       a constant.
@@ -176,7 +177,8 @@ class BandProportions(nn.Module):
         before = sum(size for _, size in self.blocks)
         self.blocks += zip(self.kinds, (size * thresholds for size in sizes), strict=True)
         if self.apart:
-            self.blocks += [(AXES, size * thresholds * self.apart) for size in sizes]
+            apart = zip((AXES, AXES, AXES, AXES_POWER), sizes, strict=True)
+            self.blocks += [(kind, size * thresholds * self.apart) for kind, size in apart]
         self.blocks += [(MEAN, size) for size in sizes[:2]]
         self.blocks += [(DEVIATION, sum(sizes))] if self.levels else []
         if not self.levels:
