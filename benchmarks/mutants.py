@@ -1,4 +1,4 @@
-"""How many of sixty one-line faults the tests find.
+"""How many of the listed one-line faults the tests find.
 
 ``python -m benchmarks mutants``, or ``--only=3,14`` for some of them. The list in
 ``mutants.txt`` was picked by hand, mostly from lines that compute or decide, and shuffled with the
