@@ -17,6 +17,7 @@ from tex_lightning.config import DecisionConfig
 from tex_lightning.config.keys import Key
 from tex_lightning.errors import UserError
 from tex_lightning.export.graph import TRACED, PhotoGraph, fused_scores, traced_vote
+from tex_lightning.export.metadata import metadata
 from tex_lightning.export.onnx_file import noise_sample
 from tex_lightning.export.tracing import draws
 from tex_lightning_runtime import Runtime
@@ -60,26 +61,29 @@ def test_a_rule_can_be_chosen_decides_and_has_a_form_in_exported_files():
         traced_vote(torch.zeros(2, 3), "other", 1.0)
 
 
-def slow_signals() -> tuple[tl.Estimator, list[np.ndarray], np.ndarray]:
-    """A model of signals of three axes whose levels count, and what it was fitted to."""
+def slow_signals(axes: int) -> tuple[tl.Estimator, list[np.ndarray], np.ndarray]:
+    """A model of signals of so many axes whose levels count, and what it was fitted to."""
     rng, time, labels = np.random.default_rng(0), np.arange(300) / 100, np.arange(12) % 2
     waves = [np.sin(2 * np.pi * (5 + 15 * label) * time) for label in labels]
-    traces = [(wave + 0.5 * rng.standard_normal((3, 300))).astype(np.float32) for wave in waves]
+    traces = [(wave + 0.5 * rng.standard_normal((axes, 300))).astype(np.float32) for wave in waves]
     model = tl.Estimator("few/haptic", rate=100, **SHORT_WINDOWS)
     return model.fit(traces, labels), traces, labels
 
 
-def test_an_export_is_compared_on_noise_of_as_many_axes_as_have_levels():
-    classifier = slow_signals()[0].predictor_.classifier
+@pytest.mark.parametrize("axes", [3, 6])
+def test_an_export_is_compared_on_noise_of_as_many_axes_as_have_levels(axes):
+    classifier = slow_signals(axes)[0].predictor_.classifier
+    assert metadata(classifier)["senses"][0]["axes"] == (axes,)
     for seed in range(4):
         sample = noise_sample(classifier, seed)
-        assert len(sample["haptic"]) == 3
+        assert len(sample["haptic"]) == axes
         assert len(classifier.partial_logits("haptic", sample["haptic"])) == 2
 
 
 @pytest.mark.slow
-def test_a_slow_signal_decides_alike_after_an_export_at_any_gain(tmp_path):
-    model, traces, labels = slow_signals()
+@pytest.mark.parametrize("axes", [3, 6])
+def test_a_slow_signal_decides_alike_after_an_export_at_any_gain(axes, tmp_path):
+    model, traces, labels = slow_signals(axes)
     scores: Any = model.predictor_.classifier.senses["haptic"].network.head.scores
     assert scores.gainless.in_use
     model.export(tmp_path)

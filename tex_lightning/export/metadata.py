@@ -12,7 +12,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.core.files import read_record
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.errors import listed
-from tex_lightning.export.tracing import AXES
+from tex_lightning.export.tracing import axes_of
 from tex_lightning.senses.base import Sense
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 from tex_lightning.text import printable, render
@@ -76,7 +76,7 @@ def _sense(sense: Sense, card: Card) -> dict[str, Any]:
         "file_rate": decoder.file_rate,
         "channels": None if decoder.channels is None else list(decoder.channels),
         "time_unit": decoder.time_unit,
-        "axes": AXES,
+        "axes": axes_of(sense),
         "too_short": f"The {sense.what} has less movement than {needed}one fragment takes; record "
         "a longer stroke.",
         **frames,

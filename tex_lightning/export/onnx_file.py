@@ -18,7 +18,7 @@ from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.errors import UserError
 from tex_lightning.export.graph import DRAWS
 from tex_lightning.export.metadata import METADATA_KEY, metadata
-from tex_lightning.export.tracing import draws, example, quiet, trace, untraceable
+from tex_lightning.export.tracing import axes_of, draws, example, quiet, trace, untraceable
 from tex_lightning.senses.features.proportions import BandProportions
 
 Array = npt.NDArray[Any]
@@ -128,7 +128,7 @@ def noise_sample(classifier: SurfaceClassifier, seed: int) -> Sample:
     for sense in classifier.senses.values():
         noise = example(sense, seed)
         if sense.medium == "signal":
-            axes = getattr(sense.features, "levels", 0) or (1 if seed % 4 < 2 else 3)
+            axes = axes_of(sense)[0 if seed % 4 < 2 else -1]
             samples = round(noise.shape[1] * rng.uniform(SHORTEST, 2))
             noise = noise.repeat(1, 2)[:axes, :samples]
             if seed % 2:

@@ -21,7 +21,7 @@ from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 WINDOWS = 3  # of the network, that the recordings have with which it is traced
 SIDE = 400  # pixels of a photo for a network that does not say what it needs
 SECONDS = 4  # likewise of a signal
-AXES = (1, 3)  # how many a file takes of a signal
+AXES = (1, 3)  # how many a file takes of a signal whose levels do not count
 
 
 def trace(
@@ -86,13 +86,18 @@ def draws(seed: int, count: int, senses: int) -> Tensor:
     return torch.from_numpy(words.astype(np.int64).reshape(senses, count).T.copy())
 
 
+def axes_of(sense: Sense) -> tuple[int, ...]:
+    """Return how many axes a file may take of the signals of a sense, the most last."""
+    levels: int = getattr(sense.features, "levels", 0)
+    return (levels,) if levels else AXES
+
+
 def example(sense: Sense, seed: int = 0) -> Tensor:
     """Return a recording of noise that gives several positions."""
     generator = torch.Generator().manual_seed(seed)
     decoder = sense.decoder
     if isinstance(decoder, SignalDecoder):
-        axes = getattr(sense.features, "levels", 0) or AXES[-1]
-        size = axes, _samples(sense, decoder.sampling_rate)
+        size = axes_of(sense)[-1], _samples(sense, decoder.sampling_rate)
         return torch.randn(size, generator=generator)
     least = (SIDE, SIDE) if sense.geometry is None else sense.window_size
     scale = 2 if isinstance(decoder, PhotoDecoder) and decoder.half_scale else 1
