@@ -210,18 +210,17 @@ class LineOrPlanes(nn.Sequential):
 
         ``whole`` is what the gate takes (:class:`RangeGate`).
         """
+        if whole is None:
+            whole = x.flatten(2).mean(dim=2, keepdim=True), x[0, 0].numel()
         if not torch.compiler.is_exporting() and x.shape[-1] > BLOCK:
-            if whole is None:
-                whole = x.flatten(2).mean(dim=2, keepdim=True), x[0, 0].numel()
             return torch.cat([self(part, whole) for part in torch.split(x, BLOCK, dim=-1)], dim=-1)
         gate, planes, short, gainless, layer = self
         inside: Tensor = gate(x, whole)
         if not self.is_linear:
             return cast(Tensor, planes(inside))
-        count = x[0, 0].numel() if whole is None else whole[1]
+        mean, count = whole
         scores = conv2d(inside, *cast(ShortLine, short).layer(cast(nn.Conv2d, layer), count))
         if cast(GainlessLine, gainless).in_use and not self.training:
-            mean = x.flatten(2).mean(dim=2, keepdim=True) if whole is None else whole[0]
             scores = gainless(inside, mean, scores)
         return scores
 
