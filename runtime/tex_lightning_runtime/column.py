@@ -150,7 +150,7 @@ class Column:
         return "counter" if self._counts() else ""
 
     @property
-    def turns(self) -> int:
+    def interleaved(self) -> int:
         """Number of things whose rows take turns, as the column names them; 0 if none do."""
         import pandas as pd
 

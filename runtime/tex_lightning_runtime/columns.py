@@ -58,7 +58,7 @@ def separate(
     Raises:
         TableError: If there are no axes, or times or numbers cannot be understood.
     """
-    _check_turns(columns)
+    _check_interleaved(columns)
     time, times, others = _time(columns, time_unit, rate)
     axes, left = _divided(columns, channels, time, others)
     if channels is not None:
@@ -97,12 +97,12 @@ def _divided(
     return axes, tuple(f"{_title(column)} ({why})" for column, why in reasons.items() if why)
 
 
-def _check_turns(columns: list[Column]) -> None:
+def _check_interleaved(columns: list[Column]) -> None:
     """Reject rows of several sensors, or of several axes, that take turns."""
     for column in columns:
-        if column.turns:
+        if kinds := column.interleaved:
             raise TableError(
-                f"has rows of {column.turns} kinds in turn by {_title(column)}; write each kind "
+                f"has rows of {kinds} kinds in turn by {_title(column)}; write each kind "
                 "into a file of its own, or delete that column"
             )
 
