@@ -10,6 +10,7 @@ import wave
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -107,11 +108,83 @@ def show(
         trial: What makes this a trial among others in TensorBoard's HPARAMS; None if it is none.
     """
     if isinstance(logger, TensorBoardLogger):
-        from tex_lightning.report.events import write_events  # takes TensorBoard's modules
-
-        write_events(Path(logger.log_dir), part, [*artifacts], metrics or {}, trial)
+        _to_events(Path(logger.log_dir), part, [*artifacts], metrics or {}, trial)
     elif isinstance(logger, MLFlowLogger):
         _to_artifacts(logger, part, artifacts)
+
+
+def _to_events(
+    folder: Path,
+    part: str,
+    artifacts: Sequence[Artifact],
+    metrics: Mapping[str, float],
+    trial: Mapping[str, Setting] | None,
+) -> None:
+    """Write one part of a run in place of what an earlier process has written of it."""
+    from torch.utils.tensorboard import summary  # takes TensorBoard's modules
+    from torch.utils.tensorboard.writer import FileWriter
+
+    make: Any = summary  # whose functions are not typed
+    for earlier in folder.glob(f"events.out.tfevents.*.{part}"):  # of a run that was interrupted
+        earlier.unlink()
+    writer = FileWriter(str(folder), filename_suffix=f".{part}")
+    try:
+        for tag, value in metrics.items():
+            writer.add_summary(make.scalar(tag, value), 0)
+        if trial is not None:  # without a table of columns, which TensorBoard takes from one run
+            plain = {
+                key: str(value).lower() if isinstance(value, bool) else value
+                for key, value in trial.items()
+            }
+            for told in make.hparams(plain, {})[1:]:
+                writer.add_summary(told, 0)
+        for artifact in artifacts:
+            if not isinstance(artifact, Points):
+                writer.add_summary(_summary(artifact, make), 0)
+    finally:
+        writer.close()
+    if points := [artifact for artifact in artifacts if isinstance(artifact, Points)]:
+        _write_projector(folder, points)
+
+
+def _summary(artifact: Picture | Sound | Words, make: Any) -> Any:  # noqa: ANN401  (no types)
+    from tensorboard.compat.proto.summary_pb2 import Summary
+
+    if isinstance(artifact, Words):
+        return make.text(artifact.tag, artifact.markdown)
+    if isinstance(artifact, Sound):
+        audio = Summary.Audio(
+            sample_rate=artifact.rate, num_channels=1, length_frames=len(artifact.samples),
+            encoded_audio_string=wav(artifact.samples, artifact.rate), content_type="audio/wav",
+        )  # fmt: skip
+        return Summary(value=[Summary.Value(tag=artifact.tag, audio=audio)])
+    with Image.open(io.BytesIO(artifact.content)) as opened:
+        width, height = opened.size
+    image = Summary.Image(
+        width=width, height=height, colorspace=3, encoded_image_string=artifact.content
+    )
+    return Summary(value=[Summary.Value(tag=artifact.tag, image=image)])
+
+
+def _write_projector(folder: Path, points: Sequence[Points]) -> None:
+    """Write embeddings for TensorBoard's projector, in place of earlier ones."""
+    entries = []
+    for artifact in points:
+        home = folder / "projector" / artifact.tag
+        write_points(home, artifact)
+        lines = [
+            f'tensor_name: "{artifact.tag}"',
+            f'tensor_path: "projector/{artifact.tag}/tensors.tsv"',
+            f'metadata_path: "projector/{artifact.tag}/metadata.tsv"',
+        ]
+        if artifact.thumbnails is not None:
+            side = artifact.thumbnails.shape[1]
+            lines.append(
+                f'sprite {{ image_path: "projector/{artifact.tag}/sprite.png" '
+                f"single_image_dim: {side} single_image_dim: {side} }}"
+            )
+        entries.append("embeddings {\n  " + "\n  ".join(lines) + "\n}\n")
+    write_text(folder / "projector_config.pbtxt", "".join(entries))
 
 
 def wav(samples: npt.NDArray[np.float32], rate: int) -> bytes:
