@@ -23,9 +23,10 @@ QUANTITY = re.compile(rf"({NUMBER.pattern})\s*(?P<unit>[^\W\d_][^\d\s,;]{{0,5}}\
 THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+")
 POINTS = re.compile(r"[-+]?[1-9]\d{0,2}(\.\d{3})+")
 WHOLE = re.compile(r"[-+]?\d+")
-MARKS: dict[str, tuple[str, str | None]] = {  # decimal, and of thousands
-    ".,": (".", ","), ",.": (",", "."), "decimal ,": (",", None), "decimal .": (".", None),
-    "thousands ,": (".", ","), "thousands .": (",", "."), "maybe ,": (",", None),
+# Decimal mark and mark of thousands by how numbers are written, the surest form first.
+MARKS: dict[str, tuple[str, str | None]] = {
+    "1.234,5": (",", "."), "1,234.5": (".", ","), "1,5": (",", None), "1.5": (".", None),
+    "1,234,567": (".", ","), "1.234.567": (",", "."), "1,234": (",", None),
 }  # fmt: skip
 
 
@@ -111,28 +112,24 @@ def decimal_mark(columns: Iterable[Sequence[str]]) -> tuple[str, str | None]:
     Args:
         columns: The cells of each column that are numbers.
     """
-    said = Counter(mark for cells in columns if (mark := _mark(cells)))
-    for mark in (",.", ".,", "decimal ,", "decimal .", "thousands ,", "thousands .", "maybe ,"):
-        if said[mark]:
-            return MARKS[mark]
-    return ".", None
+    forms = {*map(_form, columns)}
+    return next((marks for form, marks in MARKS.items() if form in forms), (".", None))
 
 
-def _mark(cells: Sequence[str]) -> str:
-    """Say what points and commas in the cells of one column are; "" if there are none."""
+def _form(cells: Sequence[str]) -> str:
+    """Return how the numbers of one column are written, a key of :data:`MARKS`, or ""."""
     both = next((cell for cell in cells if "," in cell and "." in cell), None)
     if both:
-        return ".," if both.rindex(",") < both.rindex(".") else ",."
+        return "1,234.5" if both.rindex(",") < both.rindex(".") else "1.234,5"
     for mark, grouped in ((",", THOUSANDS), (".", POINTS)):
         marked = [cell for cell in cells if mark in cell]
         if not marked:
             continue
         if not all(map(grouped.fullmatch, marked)):
-            return f"decimal {mark}"
+            return f"1{mark}5"
         whole = [cell for cell in cells if WHOLE.fullmatch(cell)]
-        if any(cell.count(mark) > 1 for cell in marked) or (
-            whole and all(len(cell.lstrip("+-")) < 4 for cell in whole)
-        ):
-            return f"thousands {mark}"
-        return "maybe ," if mark == "," else ""
+        small = all(len(cell.lstrip("+-")) < 4 for cell in whole)
+        if any(cell.count(mark) > 1 for cell in marked) or (whole and small):
+            return f"1{mark}234{mark}567"
+        return f"1{mark}234"  # of points no form: they are decimal
     return ""

@@ -38,14 +38,16 @@ NO_TIMES = {
     "flight", "constant", "delta", "diff", "dt", "exposure", "integration", "response", "width",
     "pulse", "delay", "lag", "latency", "period",
 }  # fmt: skip
-INDICES = {
+INDICES = {  # may begin anew, and several samples may have one number
     "index", "idx", "counter", "cnt", "seq", "sequence", "packet", "packets", "packetcounter",
 }  # fmt: skip
-NUMBERS = {"number", "num", "no", "nr", "count", "counts", "n", "i"}
-COUNTED = {"sample", "samples", "row", "rows", "line", "frame", "frames", "record", "step", "point"}
-LABELS = {"label", "labels", "class", "target", "activity", "category", "annotation", "groundtruth"}
+COUNTS = {  # go up by the same number if they are no measurement
+    "number", "num", "no", "nr", "count", "counts", "n", "i", "sample", "samples", "row", "rows",
+    "line", "frame", "frames", "record", "step", "point",
+}  # fmt: skip
 DATES = {"date", "datum", "year", "month", "day"}  # whole numbers
-STATES = {  # whole numbers so called are no measurement
+STATES = {  # few whole numbers so called are no measurement
+    "label", "labels", "class", "target", "activity", "category", "annotation", "groundtruth",
     "surface", "material", "terrain", "texture", "user", "subject", "participant", "person",
     "trial", "session", "run", "group", "fold", "experiment", "series", "measurement", "event",
     "marker", "repetition", "rep", "block",
@@ -113,15 +115,17 @@ class Column:
         """Whether its name, or its cells if there are no names, say that it is of time."""
         if self.is_stamp:
             return not _is(ONLY_DATE, self.values.iloc[0])
-        words, units = {*self.words}, {*UNITS} - {*self.words[:1]}
+        words = {*self.words}
         if self.is_text or not self.named or words & NO_TIMES:
             return False
-        in_time = self.first and "/" not in self.name and not {*self.units}.isdisjoint(UNITS)
-        if (in_time or any(word.endswith(GLUED) for word in words)) and self._rises():
+        if words & TIMES:
             return True
-        if words - units - {"in"} == {"t"}:  # or a temperature
-            return all(unit in UNITS for unit in self.units) and self._rises()
-        return bool(words & TIMES) or (bool(words) and words <= OF_TIME and self._rises())
+        units, alone = {*self.units}, words - ({*UNITS} - {*self.words[:1]}) - {"in"} == {"t"}
+        return self._rises() and (
+            (self.first and "/" not in self.name and not units.isdisjoint(UNITS))
+            or any(word.endswith(GLUED) for word in words)
+            or (units <= {*UNITS} if alone else bool(words) and words <= OF_TIME)  # T: temperature
+        )
 
     def reason(self) -> str:
         """Return why it is no axis; "" if it is one."""
@@ -141,11 +145,7 @@ class Column:
         if words and words <= DATES and self._is_whole():
             return "date"
         few = max(1, len(self.values) // 10)
-        if (
-            (words and words <= LABELS | STATES)
-            and self._is_whole()
-            and self.values.nunique() <= few
-        ):
+        if words and words <= STATES and self._is_whole() and self.values.nunique() <= few:
             return "label"
         return "counter" if self._counts() else ""
 
@@ -192,21 +192,17 @@ class Column:
     def _counts(self) -> bool:
         """Whether whole numbers are called and go up as those of a counter, or all stay."""
         words = {*self.words}
-        called = self.name == "#" or bool(words & (INDICES | NUMBERS | COUNTED))
-        called = called or "sequence" in self.units
-        if not called or not self._is_whole():
+        index = bool(words & INDICES) or "sequence" in self.units
+        if not (index or words & COUNTS or self.name == "#") or not self._is_whole():
             return False
         steps = np.diff(np.asarray(self.values, np.float64))
-        if (
-            words & INDICES or "sequence" in self.units
-        ):  # several samples may have one number, and counters begin anew
-            return not len(steps) or float((steps >= 0).mean()) > USUAL
         if not len(steps):
-            return False
+            return index
+        if index:
+            return float((steps >= 0).mean()) > USUAL
         usual = np.median(steps)
-        if not words <= NUMBERS | COUNTED | STATES | LABELS | {"of", "sub", "logging"}:
-            return False
-        return bool((steps == usual).mean() > USUAL and (usual > 0 or not steps.any()))
+        even = (steps == usual).mean() > USUAL and (usual > 0 or not steps.any())
+        return bool(even) and words <= COUNTS | STATES | {"of", "sub", "logging"}
 
     def seconds(self, time_unit: str | None) -> Array:
         """Return the times in seconds since the first.

@@ -141,31 +141,33 @@ def _time(
     Where a rate stands above the table, the first numbers that rise by its period are times, and
     times without a unit are not needed.
     """
-    found, failed = [], None
     broken = [c for c in columns if c.is_text and not c.is_stamp and TIMES & {*c.words}]
-    for column in broken:
-        failed = failed or column.no_times()
+    failed = [column.no_times() for column in broken]
     parts = _fractions(columns)
     candidates = [column for column in columns if column.is_time or column in parts]
+    seconds: dict[Column, Array] = {}
     for column in candidates:
         try:
-            seconds = parts[column] if column in parts else column.seconds(time_unit)
+            seconds[column] = parts[column] if column in parts else column.seconds(time_unit)
         except TableError as error:
-            failed = failed or error
-            continue
-        steps = np.diff(seconds)
-        found.append(((steps <= 0).sum() if (steps >= 0).all() else np.inf, column, seconds))
-    if not found and failed and not rate:
-        raise failed
+            failed.append(error)
+    if seconds:
+        time = min(seconds, key=lambda column: _repeated(seconds[column]))
+        return time, seconds[time], [c for c in (*candidates, *broken) if c is not time]
+    if failed and not rate:
+        raise failed[0]
     first = next((c for c in columns if not c.is_text and c not in candidates), None)
-    if not found and first and rate:
+    if first and rate:
         steps = np.diff(np.asarray(first.values, np.float64))
         if len(steps) > MIN_RISING and (np.abs(steps * rate - 1) < EVEN).all():
             return first, np.append(0.0, np.cumsum(steps)), candidates
-    if not found:
-        return None, None, candidates
-    _, time, seconds = min(found, key=lambda each: each[0])
-    return time, seconds, [column for column in (*candidates, *broken) if column is not time]
+    return None, None, candidates
+
+
+def _repeated(times: Array) -> float:
+    """Return how many of some times are no later than those before; infinite if any is earlier."""
+    steps = np.diff(times)
+    return float((steps == 0).sum()) if (steps >= 0).all() else math.inf
 
 
 def _fractions(columns: list[Column]) -> dict[Column, Array]:

@@ -34,36 +34,54 @@ STATEMENT = re.compile(r"[^=]+=\s*[-+]?[\d.].*")  # between names
 def read_heading(
     above: list[str], dialect: Dialect, columns: Kinds, notes: list[str]
 ) -> tuple[list[list[str]], float | None]:
-    """Return the lines of names and units directly above the numbers, the last one first."""
+    """Return the lines of names and units above the numbers, the last one first, or else a rate.
+
+    Remarks and lines without content may stand between them and the numbers.
+    """
     rows: list[list[str]] = []
     for line in reversed(above):
         commented, plain = bool(COMMENT.match(line)), COMMENT.sub("", line, count=1)
         cells = _as_many(plain, dialect, columns)
         if commented and len(cells) < columns.count and dialect.cells(line)[0] == "#":  # a name
             cells = dialect.cells(line)
-        whole = len(cells) in (columns.count, len(columns.kinds))
-        if whole and any(kind(c) == "text" for c in cells):
-            stated = stated_rate(",".join(cells)) and not rows
-            if not stated and all(
-                kind(c) != "stamp" and not re.search(r"\d[.,]\d", c) for c in cells
-            ):
-                rows.append(cells)
-                continue
-        if rows:
+        if _are_names(cells, columns) and (rows or not stated_rate(",".join(cells))):
+            rows.append(cells)
+        elif rows:
             break
-        if commented or not any(map(kind, cells)):
-            if not commented and line.strip("-|,;: \t"):  # and no line between
-                notes.append(f"a line without numbers is left out: {line.strip()[:40]!r}")
-            continue
-        numbers = [kind(cell) in ("number", "stamp") for cell in cells]
-        if all(numbers) and len(cells) == 1 and columns.count > 1:
-            return [], lone_rate(cells[0], columns.rows, notes)
-        if sum(numbers) > 0.5 * len(cells) and not stated_rate(line):
-            notes.append(f"an incomplete line of numbers is left out: {line.strip()[:40]!r}")
-        elif len(cells) > 1 and not any(numbers) and not stated_rate(line):
-            raise mismatch(len(cells), columns.count)
-        break
+        elif not commented and any(map(kind, cells)):
+            return [], _read_other(line, cells, columns, notes)
+        elif not commented and line.strip("-|,;: \t"):  # and no line between
+            notes.append(f"a line without numbers is left out: {line.strip()[:40]!r}")
     return rows, None
+
+
+def _are_names(cells: Sequence[str], columns: Kinds) -> bool:
+    """Return whether cells are as many as columns, some of them text and none a measurement."""
+    kinds = [*map(kind, cells)]
+    return (
+        len(cells) in (columns.count, len(columns.kinds))
+        and "text" in kinds
+        and "stamp" not in kinds
+        and not any(re.search(r"\d[.,]\d", cell) for cell in cells)
+    )
+
+
+def _read_other(line: str, cells: Sequence[str], columns: Kinds, notes: list[str]) -> float | None:
+    """Return the rate in Hz that a line with content, but without names, may be.
+
+    Raises:
+        TableError: If it is names, and not as many as there are columns.
+    """
+    numbers = [kind(cell) in ("number", "stamp") for cell in cells]
+    if all(numbers) and len(cells) == 1 and columns.count > 1:
+        return lone_rate(cells[0], columns.rows, notes)
+    if stated_rate(line):
+        return None  # which is read with the other lines above
+    if sum(numbers) > 0.5 * len(cells):
+        notes.append(f"an incomplete line of numbers is left out: {line.strip()[:40]!r}")
+    elif len(cells) > 1 and not any(numbers):
+        raise mismatch(len(cells), columns.count)
+    return None
 
 
 def with_statements(above: list[str], dialect: Dialect, count: int) -> list[str]:
@@ -157,7 +175,9 @@ def lone_rate(cell: str, rows: Sequence[Sequence[str]], notes: list[str]) -> flo
 
 def rate_above(lines: Sequence[str]) -> float | None:
     """Return the rate in Hz that lines state, if they do; a period may be that of the whole."""
-    return next(filter(None, (read(each) for read in (_rate, _period) for each in lines)), None)
+    return next(
+        filter(None, (_stated(how, each) for how in (RATE, PERIOD) for each in lines)), None
+    )
 
 
 def stated_rate(line: str) -> float | None:
@@ -165,19 +185,17 @@ def stated_rate(line: str) -> float | None:
     return rate_above([line])
 
 
-def _rate(line: str) -> float | None:
-    if (found := RATE.search(line)) and (value := _amount(found["value"])):
-        unit = (found["unit"] or found["before"] or "").casefold()
-        grouped = value < MIN_RATE and POINTS.fullmatch(found["value"])  # 1.000 Hz in Germany
-        return value * (1000 if grouped or unit.startswith("k") else 1)
-    return None
-
-
-def _period(line: str) -> float | None:
-    if (found := PERIOD.search(line)) and (value := _amount(found["value"])):
-        unit = (found["unit"] or found["before"] or "s").replace("µ", "μ").casefold()
-        return 1 / (value * UNITS[unit]) if unit in UNITS else None
-    return None
+def _stated(how: re.Pattern[str], line: str) -> float | None:
+    """Return the rate in Hz that a line states as a rate or as a period."""
+    found = how.search(line)
+    value = _amount(found["value"]) if found else None
+    if found is None or not value:
+        return None
+    unit = (found["unit"] or found["before"] or "").replace("µ", "μ").casefold()
+    if how is PERIOD:
+        return 1 / (value * seconds) if (seconds := UNITS.get(unit or "s")) else None
+    grouped = value < MIN_RATE and POINTS.fullmatch(found["value"])  # 1.000 Hz in Germany
+    return value * (1000 if grouped or unit.startswith("k") else 1)
 
 
 def _amount(text: str) -> float | None:

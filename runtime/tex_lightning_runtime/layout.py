@@ -137,14 +137,12 @@ def _undecorated(content: bytes, given: str | None) -> tuple[bytes, list[str], D
 
 def _sample(content: bytes) -> list[bytes]:
     """Return whole lines from the second half, where numbers stand; comments are none."""
-    if len(content) > 2 * HEAD:
-        half = len(content) // 2
-        middle = content[half : half + HEAD // 8]
-        lines = middle.split(b"\n")[1:-1] or [middle]
-    else:
-        lines = content.split(b"\n")
-    plain = [line for line in lines if line.strip(b" \t,;") and line.lstrip()[:1] not in b"#%"]
-    plain = [line for line in plain if not line.lstrip().startswith(b"//")]
+    half = len(content) // 2
+    middle = content[half : half + HEAD // 8] if half > HEAD else content
+    lines = without_comments(middle).split(b"\n")
+    if half > HEAD:  # it may begin and end within a line
+        lines = lines[1:-1] or [middle]
+    plain = [line for line in lines if line.strip(b" \t,;")]
     if not plain:
         raise TableError("holds no numbers; give one sample a line")
     kept = plain[:-1] if len(plain) > 2 else plain  # the last may be cut
