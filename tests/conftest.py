@@ -29,7 +29,8 @@ from tex_lightning.__main__ import main
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_state
 from tex_lightning.config import CONF
-from tex_lightning.config.composition import compose_config, read_config
+from tex_lightning.config.check import read_config
+from tex_lightning.config.composition import compose_config
 from tex_lightning.config.instantiation import named_classes
 from tex_lightning.core.devices import pick_device
 from tex_lightning.networks.trunks import TRUNKS

@@ -12,7 +12,8 @@ import soundfile
 from omegaconf import OmegaConf
 
 import tex_lightning as tl
-from tex_lightning.config.composition import Job, compose_config, read_config
+from tex_lightning.config.check import read_config
+from tex_lightning.config.composition import Job, compose_config
 from tex_lightning.data import decode
 from tex_lightning.data.decode import SignalDecoder, forget_traces, keeping_traces, read_once
 from tex_lightning.data.derived_settings import with_derived

@@ -26,9 +26,10 @@ from scipy.stats import binomtest
 
 import tex_lightning as tl
 from tex_lightning.config import Config
-from tex_lightning.config.composition import compose_config, read_config
-from tex_lightning.config.names import as_typed
+from tex_lightning.config.check import read_config
+from tex_lightning.config.composition import compose_config
 from tex_lightning.config.nodes import walk
+from tex_lightning.config.quoting import as_typed
 from tex_lightning.report.table import paper_table
 
 FOUND = {

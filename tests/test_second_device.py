@@ -15,7 +15,8 @@ from conftest import make_card, make_photo, make_trace, trunk_node
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
-from tex_lightning.config.composition import compose_config, read_config
+from tex_lightning.config.check import read_config
+from tex_lightning.config.composition import compose_config
 from tex_lightning.core.devices import computing_device
 from tex_lightning.inference.early_stopping import make_inference_model
 from tex_lightning.inference.engine import accelerate

@@ -21,7 +21,8 @@ import tex_lightning as tl
 from tex_lightning import testing
 from tex_lightning.baselines.base import Baseline
 from tex_lightning.config import CONF
-from tex_lightning.config.composition import compose_config, read_config
+from tex_lightning.config.check import read_config
+from tex_lightning.config.composition import compose_config
 from tex_lightning.config.instantiation import build, find_class
 from tex_lightning.core.contract import fault_of
 from tex_lightning.data.readers.folder import FolderReader, ManifestReader

@@ -20,7 +20,8 @@ from torch import nn
 from torch.nn.functional import cross_entropy
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.config.composition import compose_config, read_config
+from tex_lightning.config.check import read_config
+from tex_lightning.config.composition import compose_config
 from tex_lightning.learning.module import mean_loss
 from tex_lightning.networks.blocks import ResponseNorm
 from tex_lightning.senses.features.movement import moving

@@ -3,7 +3,6 @@
 PyTorch is imported once the command line is known to be right.
 """
 
-import errno
 import gc
 import json
 import logging
@@ -23,22 +22,21 @@ import hydra
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config import CONF, SILENT, Config, flatten, plain_values, register
-from tex_lightning.config.check import check_shares, checked_config
+from tex_lightning.config.check import checked_config
 from tex_lightning.config.composition import (
     Job,
     current_job,
     run_composed,
     split_flags,
 )
+from tex_lightning.config.help_text import answer, asks
 from tex_lightning.config.instantiation import named_classes, trust
-from tex_lightning.config.mistakes import MISTAKES, explain
-from tex_lightning.config.names import as_typed
-from tex_lightning.config.search import use_config_dir, with_own_senses
+from tex_lightning.config.mistakes import to_user_error
+from tex_lightning.config.quoting import as_typed
 from tex_lightning.config.tasks import NO_FOLDER, TRAINING
-from tex_lightning.config.usage import answer, asks
+from tex_lightning.config.user_folders import use_config_dir, with_own_senses
 from tex_lightning.core.console import Screen, console, say, show_rank_zero, verbosity
 from tex_lightning.core.contract import fault_of
-from tex_lightning.core.files import UNWRITABLE, unwritable
 from tex_lightning.core.progress import finishing
 from tex_lightning.core.ranks import is_rank_zero, joining, requeueing, started_processes
 from tex_lightning.core.run_folder import (
@@ -50,7 +48,7 @@ from tex_lightning.core.run_folder import (
     note_failure,
     remove_if_empty,
 )
-from tex_lightning.errors import UserError, reason, shorten
+from tex_lightning.errors import UserError
 
 FAILED, USER_FAULT, INTERRUPTED = 1, 2, 130  # exit statuses
 PATIENCE = 10.0  # seconds by which processes that were started together may differ
@@ -135,37 +133,6 @@ def train(*overrides: str) -> Results:
         use_config_dir([])
         TURN.release()
     return results
-
-
-def to_user_error(error: Exception, *, began: bool) -> UserError | None:
-    """Return an error as one that the user can mend; None if it is a fault of the program.
-
-    Args:
-        error: Error that ended the job.
-        began: Whether the job had a run folder; before, only its configuration can be wrong.
-    """
-    if isinstance(error, UserError):
-        return error
-    if fault_of(error) is not None:  # of the user's own code, which keeps its traceback
-        return None
-    if isinstance(error, MISTAKES):
-        return explain(error)
-    if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
-        return UserError(f"The path {shorten(error.filename)} is too long; give a shorter one.")
-    if began:
-        if isinstance(error, OSError) and error.errno in UNWRITABLE:
-            return unwritable(shorten(error.filename or "a file of this run"), error)
-        return None
-    if isinstance(error, OSError):
-        return UserError(
-            f"The run folder cannot be made ({shorten(error)}); choose another hydra.run.dir."
-        )
-    if isinstance(error, ValueError | OverflowError | RecursionError):
-        return UserError(
-            f"The command line or a configuration file cannot be read ({reason(error)}); give "
-            "other values."
-        )
-    return None
 
 
 def main() -> int:
@@ -392,23 +359,25 @@ def check_processes(config: Config, job: Job, processes: int) -> None:
     Raises:
         UserError: If they cannot train together.
     """
-    if processes > 1:
-        _check_origin(job)
-    check_shares(config, processes)
-    if processes > 1 and started_processes() and not job.named:
-        raise UserError(
-            "Several processes were started, which have to share a run folder; give hydra.run.dir."
-        )
-
-
-def _check_origin(job: Job) -> None:
-    """Reject several processes where Lightning cannot start them by the same command line."""
-    if job.origin == "sweep":
+    if processes > 1 and job.origin == "sweep":
         from tex_lightning.report.sweep import NO_SWEEP
 
         raise UserError(NO_SWEEP)
-    if job.origin == "python" and not started_processes():
+    if processes > 1 and job.origin == "python" and not started_processes():
         raise UserError(
             "Python trains in this process alone; for several devices run python -m tex_lightning, "
             "or start this program with torchrun."
+        )
+    sizes = {kind: getattr(config.model, kind).fit.batch_size for kind in config.model.trained}
+    complaints = [
+        f"model.{kind}.fit.batch_size is {size}, but {processes} processes share every batch: "
+        f"choose a multiple of {processes}"
+        for kind, size in sizes.items()
+        if size % processes
+    ]
+    if complaints:
+        raise UserError("; ".join(complaints) + ".")
+    if processes > 1 and started_processes() and not job.named:
+        raise UserError(
+            "Several processes were started, which have to share a run folder; give hydra.run.dir."
         )

@@ -30,13 +30,14 @@ from sklearn.utils.validation import (
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.cli import TURN, check_processes, set_devices, to_user_error
+from tex_lightning.cli import TURN, check_processes, set_devices
 from tex_lightning.config import Config
 from tex_lightning.config.check import checked_config
 from tex_lightning.config.composition import Job, compose_config
 from tex_lightning.config.instantiation import named_classes, trust
+from tex_lightning.config.mistakes import to_user_error
 from tex_lightning.config.overrides import as_key_value, named_model
-from tex_lightning.config.search import use_config_dir
+from tex_lightning.config.user_folders import use_config_dir
 from tex_lightning.core.console import messages, verbosity
 from tex_lightning.core.progress import finishing
 from tex_lightning.core.ranks import joining

@@ -18,7 +18,8 @@ from tex_lightning.classifier.card import (
 )
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import DecisionConfig
-from tex_lightning.config.composition import compose_config, read_config
+from tex_lightning.config.check import read_config
+from tex_lightning.config.composition import compose_config
 from tex_lightning.errors import UserError
 
 CARD = make_card("haptic", classes=["a", "b"], width=0.1)

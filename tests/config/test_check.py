@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from tex_lightning.config.check import check_config
-from tex_lightning.config.composition import compose_config, read_config
-from tex_lightning.config.search import with_own_senses
+from tex_lightning.config.check import check_config, read_config
+from tex_lightning.config.composition import compose_config
+from tex_lightning.config.user_folders import with_own_senses
 from tex_lightning.errors import UserError
 
 PLUGIN = Path(__file__).parents[1] / "plugin"

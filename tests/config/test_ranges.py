@@ -10,8 +10,8 @@ import pytest
 from omegaconf import OmegaConf
 
 from tex_lightning.config import Config, flatten
-from tex_lightning.config.check import check_config
-from tex_lightning.config.composition import compose_config, read_config
+from tex_lightning.config.check import check_config, read_config
+from tex_lightning.config.composition import compose_config
 from tex_lightning.config.mistakes import MISTAKES, explain
 from tex_lightning.errors import UserError
 from tex_lightning.networks.hapticnet import HapticNet

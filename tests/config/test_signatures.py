@@ -14,10 +14,11 @@ from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.loggers import CSVLogger, TensorBoardLogger
 from omegaconf import BooleanNode, OmegaConf
 
-from tex_lightning.cli import run_task, to_user_error
+from tex_lightning.cli import run_task
 from tex_lightning.config import flatten
 from tex_lightning.config.composition import Job, compose_config
 from tex_lightning.config.instantiation import build
+from tex_lightning.config.mistakes import to_user_error
 from tex_lightning.config.signatures import converted, misfits, signature_of
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.errors import UserError

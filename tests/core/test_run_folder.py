@@ -12,7 +12,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from tex_lightning.config import CONF, register
-from tex_lightning.config.names import as_typed
+from tex_lightning.config.quoting import as_typed
 from tex_lightning.core.run_folder import (
     find_checkpoint,
     locked_folder,

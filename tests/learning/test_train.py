@@ -15,7 +15,8 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.card import configured_card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
-from tex_lightning.config.composition import compose_config, read_config
+from tex_lightning.config.check import read_config
+from tex_lightning.config.composition import compose_config
 from tex_lightning.core.run_folder import checkpoint_of
 from tex_lightning.learning.provenance import complete_recipe
 from tex_lightning.learning.train import Training, train_networks

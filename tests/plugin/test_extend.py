@@ -13,7 +13,7 @@ import torch
 from conftest import make_photo
 from PIL import Image
 
-from tex_lightning.config.search import use_config_dir
+from tex_lightning.config.user_folders import use_config_dir
 from tex_lightning.testing import check_part
 
 PAGE = Path(__file__).parents[2] / "docs" / "extend.md"

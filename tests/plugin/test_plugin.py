@@ -13,7 +13,7 @@ from PIL import Image
 
 import tex_lightning as tl
 from tex_lightning.classifier.card import read_checkpoint
-from tex_lightning.config.search import use_config_dir
+from tex_lightning.config.user_folders import use_config_dir
 
 HERE = Path(__file__).parent
 CONF = ["--config-dir", HERE / "my_ext" / "conf"]

@@ -11,8 +11,8 @@ import pytest
 from omegaconf import OmegaConf
 
 from tex_lightning import baselines
-from tex_lightning.config.check import check_config
-from tex_lightning.config.composition import Job, read_config
+from tex_lightning.config.check import check_config, read_config
+from tex_lightning.config.composition import Job
 from tex_lightning.errors import UserError
 from tex_lightning.studies import family
 from tex_lightning.studies.family import compose_family, label_systems

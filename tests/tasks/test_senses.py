@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from tex_lightning.config.composition import compose_config, read_config
+from tex_lightning.config.check import read_config
+from tex_lightning.config.composition import compose_config
 from tex_lightning.data.readers import read_recordings
 
 SENSES = {"haptic": "haptic", "visual": "image", "sound": "sound"}  # and their modalities

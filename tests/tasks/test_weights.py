@@ -7,8 +7,8 @@ import torch
 
 import tex_lightning as tl
 from tex_lightning.config import Config
-from tex_lightning.config.check import check_config
-from tex_lightning.config.composition import compose_config, read_config
+from tex_lightning.config.check import check_config, read_config
+from tex_lightning.config.composition import compose_config
 from tex_lightning.errors import UserError
 
 SOURCES = "{alexnet_caffe:a.npz,vgg_m:v.npz,efficientnet_lite0:imagenet}"

@@ -14,7 +14,7 @@ from tex_lightning.config import Config, DecisionConfig
 from tex_lightning.config.instantiation import TARGET
 from tex_lightning.config.model import FUSION, FusionConfig, kind_of
 from tex_lightning.config.signatures import misfits
-from tex_lightning.config.sources import read_signature
+from tex_lightning.config.static_signatures import read_signature
 from tex_lightning.core.console import suppress_warnings
 from tex_lightning.core.contract import fault_of
 from tex_lightning.errors import UserError, shorten

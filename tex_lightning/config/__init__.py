@@ -1,8 +1,15 @@
 """The typed configuration: a wrong key or type fails while it is composed.
 
-``conf/`` has the values. Types, ranges, choices and meanings are annotations: of the sections here,
-and of the classes that a ``_target_`` names, whose keys stand nowhere else (:mod:`.nodes`). ``???``
-(``MISSING``) marks what a configuration file or the user has to fill in.
+``conf/`` has the values. Types, ranges, choices and meanings are annotations: of the sections, in
+:mod:`.data`, :mod:`.model`, :mod:`.tasks` and here, and of the classes that a ``_target_`` names,
+whose keys stand nowhere else. ``???`` (``MISSING``) marks what a file or the user has to fill in.
+
+A command line passes :mod:`.user_folders` and :mod:`.quoting`, is composed by :mod:`.composition`,
+and typed and checked by :mod:`.check` with the :mod:`.rules`; :mod:`.mistakes` says what is wrong
+with it. Annotations are read by :mod:`.keys`, values are held against them by :mod:`.signatures`,
+those of classes that are not imported yet by :mod:`.static_signatures` and :mod:`.nodes`, and
+objects are built by :mod:`.instantiation`. :mod:`.overrides` reads back what a run was given, and
+:mod:`.help_text` is ``--help``.
 """
 
 from dataclasses import is_dataclass, replace
@@ -19,7 +26,6 @@ from tex_lightning.config.data import DataConfig, Folding, RecordConfig
 from tex_lightning.config.instantiation import find_class
 from tex_lightning.config.keys import SEED, TEXT, section
 from tex_lightning.config.model import FUSION, PACKAGE_SENSES, ModelConfig
-from tex_lightning.config.search import register_folders
 from tex_lightning.config.tasks import (
     READ_FILES,
     SILENT,
@@ -32,6 +38,7 @@ from tex_lightning.config.tasks import (
     Task,
     TrainerConfig,
 )
+from tex_lightning.config.user_folders import register_folders
 from tex_lightning.core.run_folder import subject
 
 __all__ = [

@@ -5,7 +5,7 @@ Beside that stand the job that Hydra has begun, and the flags of a command line.
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NoReturn
 
@@ -17,27 +17,14 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.core.utils import JobRuntime, run_job
 from hydra.types import HydraContext, RunMode
 from hydra.version import VersionBase
-from omegaconf import MISSING, DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from omegaconf import DictConfig, OmegaConf
 
-from tex_lightning.config import CONF, READ_FILES, Config, flatten, register
-from tex_lightning.config.instantiation import TARGET, find_class
-from tex_lightning.config.mistakes import unknown_key
-from tex_lightning.config.model import (
-    CHECKPOINT,
-    FUSION,
-    PACKAGE_SENSES,
-    PhotoConfig,
-    SenseConfig,
-    SignalConfig,
-)
-from tex_lightning.config.names import as_typed
-from tex_lightning.config.nodes import as_taken, takes
-from tex_lightning.config.search import with_own_senses
+from tex_lightning.config import CONF, register
+from tex_lightning.config.quoting import as_typed
+from tex_lightning.config.user_folders import with_own_senses
 from tex_lightning.errors import UserError, reason
 
 NAME = "config"
-SCHEMAS = {"signal": SignalConfig, "photo": PhotoConfig}  # by the medium of a sense
 
 
 def compose_config(overrides: Sequence[str] = ()) -> DictConfig:
@@ -154,79 +141,6 @@ def current_job(*, python: bool = False) -> Job:
         searchpath=tuple(override for override in flags if override.startswith(SEARCHPATH)),
         hydra=OmegaConf.create({"hydra": hydra}),
     )
-
-
-def read_config(composed: DictConfig) -> Config:
-    """Return the typed form of a composed configuration, with custom senses.
-
-    Raises:
-        UserError: If a key is open (``???``) or read by nothing, or a sense cannot be used.
-    """
-    if missing := missing_keys(composed):
-        example = " ".join(f"{key}=VALUE" for key in missing)
-        raise UserError(f"No value for {', '.join(missing)}; add {example} to the command.")
-    config: Config = OmegaConf.to_object(composed)  # type: ignore[assignment]
-    model = config.model
-    for name, node in vars(model).items():
-        if isinstance(node, dict) and TARGET in node and name != "baseline":
-            setattr(model, name, _custom_sense(name, node, model.budget))
-    for section in map(model.sense, model.known):
-        vars(section).update(as_taken(section.node))
-    for name in _further_keys(config):
-        if "." in name or config.task not in READ_FILES:  # where a key names files of a sense
-            raise unknown_key(name, composed)
-        config.own[name] = getattr(config, name)
-    for name in model.senses:
-        if name not in model.known:
-            raise UserError(
-                f"model.senses names {name}, and there is no such sense: choose from "
-                f"{', '.join(model.known)}, or write conf/sense/{name}.yaml and give "
-                "--config-dir conf."
-            )
-    return config
-
-
-def missing_keys(composed: DictConfig) -> list[str]:
-    """Return dotted names of open ``???`` values, without interpolations that refer to them."""
-    values: Any = OmegaConf.to_container(composed, resolve=False)
-    return sorted(key for key, value in flatten(values).items() if value == MISSING)
-
-
-def _further_keys(section: Any, prefix: str = "") -> Iterator[str]:  # noqa: ANN401
-    """Yield the keys beside those of the schema that neither Lightning nor a user's sense reads."""
-    known = {key.name for key in fields(section)}
-    for name, value in vars(section).items():
-        if is_dataclass(value):
-            custom = prefix == "model." and name not in PACKAGE_SENSES and name != FUSION
-            yield from (
-                () if custom or name == "trainer" else _further_keys(value, f"{prefix}{name}.")
-            )
-        elif isinstance(section, SenseConfig) and takes(section.node, name, *section.classes):
-            continue
-        elif name not in known and not (prefix == "model.fusion." and name.endswith(CHECKPOINT)):
-            yield f"{prefix}{name}"
-
-
-def _custom_sense(name: str, node: dict[str, Any], budget: float) -> SenseConfig:
-    where = f"model.{name}"
-    medium = getattr(find_class(where, node), "medium", None)
-    if medium not in SCHEMAS:
-        raise UserError(
-            f"{where} names {node[TARGET]}, which is no sense: begin its file with defaults: "
-            "[signal, _self_] or [photo, _self_]."
-        )
-    schema = OmegaConf.structured(SCHEMAS[medium])
-    for section in (schema, schema.fit.optimizer, schema.fit.schedule):
-        OmegaConf.set_struct(section, False)  # further keys are offered to its classes
-    try:
-        merged = OmegaConf.merge(schema, node)
-        merged.fit.steps_per_epoch = max(1, round(budget * merged.fit.steps_per_epoch))
-        sense: SenseConfig = OmegaConf.to_object(merged)  # type: ignore[assignment]
-    except OmegaConfBaseException as error:
-        raise UserError(
-            f"{where}: {reason(str(error).splitlines()[0])}; correct conf/sense/{name}.yaml."
-        ) from error
-    return sense
 
 
 def split_flags(arguments: Sequence[str]) -> tuple[list[str], list[str]]:

@@ -12,9 +12,9 @@ from importlib import import_module
 from types import NoneType
 from typing import Any
 
-from tex_lightning.config.search import ENTRY_POINTS, installed_packages
 from tex_lightning.config.signatures import HYDRAS, converted, misfits, signature_of, strangers
 from tex_lightning.config.signatures import TARGET as TARGET
+from tex_lightning.config.user_folders import ENTRY_POINTS, installed_packages
 from tex_lightning.core.contract import keep_key, making, resolve
 from tex_lightning.errors import UserError, shorten
 

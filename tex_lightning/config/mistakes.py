@@ -1,5 +1,6 @@
-"""Explain Hydra's errors about a mistyped command in one sentence with near matches."""
+"""Explain the errors that a user can mend in one sentence, those of Hydra with near matches."""
 
+import errno
 import re
 from collections.abc import Iterator
 from difflib import get_close_matches
@@ -12,7 +13,9 @@ from yaml import YAMLError
 
 from tex_lightning.config import CONF, variants
 from tex_lightning.config.keys import nearest
-from tex_lightning.errors import UserError, shorten
+from tex_lightning.core.contract import fault_of
+from tex_lightning.core.files import UNWRITABLE, unwritable
+from tex_lightning.errors import UserError, reason, shorten
 
 MISTAKES = (HydraException, OmegaConfBaseException, YAMLError)  # the last of a user's own files
 KEY = re.compile(r"Could not (?:override|append to config|delete).*?'([^'=]+)")
@@ -24,6 +27,37 @@ RENAMED = {
 NO_LIST = "is not a ListConfig, list or tuple"  # words of OmegaConf
 MANY = 4  # keys that a wrong one may stand for
 NOISE = ("full_key:", "object_type=", "reference_type=", "See https:", "Set the environment", "To ")
+
+
+def to_user_error(error: Exception, *, began: bool) -> UserError | None:
+    """Return an error as one that the user can mend; None if it is a fault of the program.
+
+    Args:
+        error: Error that ended the job.
+        began: Whether the job had a run folder; before, only its configuration can be wrong.
+    """
+    if isinstance(error, UserError):
+        return error
+    if fault_of(error) is not None:  # of the user's own code, which keeps its traceback
+        return None
+    if isinstance(error, MISTAKES):
+        return explain(error)
+    if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
+        return UserError(f"The path {shorten(error.filename)} is too long; give a shorter one.")
+    if began:
+        if isinstance(error, OSError) and error.errno in UNWRITABLE:
+            return unwritable(shorten(error.filename or "a file of this run"), error)
+        return None
+    if isinstance(error, OSError):
+        return UserError(
+            f"The run folder cannot be made ({shorten(error)}); choose another hydra.run.dir."
+        )
+    if isinstance(error, ValueError | OverflowError | RecursionError):
+        return UserError(
+            f"The command line or a configuration file cannot be read ({reason(error)}); give "
+            "other values."
+        )
+    return None
 
 
 def explain(error: Exception) -> UserError:

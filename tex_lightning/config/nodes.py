@@ -1,7 +1,7 @@
 """Nodes of the configuration that name a class: their keys, and keys that a sense shares.
 
 The signature of the class is their schema. It is read before PyTorch is imported where the source
-says it (:mod:`.sources`); other classes are checked when they are built.
+says it (:mod:`.static_signatures`); other classes are checked when they are built.
 """
 
 from collections.abc import Iterator, Mapping
@@ -10,7 +10,7 @@ from typing import Any
 
 from tex_lightning.config.keys import Key, hints_of, is_section, without_extras
 from tex_lightning.config.signatures import HYDRAS, TARGET, converted, misfits, strangers
-from tex_lightning.config.sources import read_signature
+from tex_lightning.config.static_signatures import read_signature
 
 OFFERED = ("classes", "bands", "blocks", "bins")  # to the classes of a sense, beside its keys
 Node = Mapping[str, Any]

@@ -14,9 +14,9 @@ from hydra.errors import HydraException
 from omegaconf import OmegaConf
 
 from tex_lightning.config import Config, flatten
+from tex_lightning.config.help_text import config_groups
 from tex_lightning.config.keys import nearest
 from tex_lightning.config.model import ModelConfig
-from tex_lightning.config.usage import config_groups
 from tex_lightning.errors import UserError, shorten
 from tex_lightning.text import to_json
 

@@ -79,7 +79,8 @@ def strangers(
 def converted(called: Callable[..., Any] | Signature, values: Mapping[str, Any]) -> dict[str, Any]:
     """Return values with text for numbers, and numbers for text, where arguments are such.
 
-    Nothing is lost: where a name could be read as another number it is text before (:mod:`.names`).
+    Nothing is lost: where a name could be read as another number it is text before
+    (:mod:`.quoting`).
     """
     parameters = signature_of(called).parameters
     return {

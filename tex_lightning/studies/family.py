@@ -10,8 +10,8 @@ from typing import Any
 
 from tex_lightning.baselines.classifier import make_baseline
 from tex_lightning.config import Config
-from tex_lightning.config.check import check_config
-from tex_lightning.config.composition import Job, read_config
+from tex_lightning.config.check import check_config, read_config
+from tex_lightning.config.composition import Job
 from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.core.progress import Stage
 from tex_lightning.errors import UserError

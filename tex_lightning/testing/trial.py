@@ -18,7 +18,8 @@ from tex_lightning.classifier.card import configured_card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.contract_check import FITTED, check_parts
 from tex_lightning.config import Config
-from tex_lightning.config.composition import compose_config, read_config
+from tex_lightning.config.check import read_config
+from tex_lightning.config.composition import compose_config
 from tex_lightning.config.signatures import NAMED, signature_of
 from tex_lightning.data.readers.arrays import write_sample
 from tex_lightning.data.recordings import Recording, Recordings

@@ -13,7 +13,7 @@ from conftest import configured_classes
 from tex_lightning.config.instantiation import find_class
 from tex_lightning.config.keys import Key, without_extras
 from tex_lightning.config.signatures import signature_of
-from tex_lightning.config.sources import read_signature
+from tex_lightning.config.static_signatures import read_signature
 
 DECODERS = [f"tex_lightning.data.decode.{kind}Decoder" for kind in ("Signal", "Photo")]
 READERS = [

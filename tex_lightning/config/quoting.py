@@ -52,7 +52,7 @@ def as_typed(overrides: Sequence[str]) -> list[str]:
         overrides: Such as ``record.label=1_0``; what Hydra cannot read stays for it to report.
 
     Example:
-        >>> from tex_lightning.config.names import as_typed
+        >>> from tex_lightning.config.quoting import as_typed
         >>> as_typed(["record.label=1_0", "data.hold_out=[oak,1e3]", "seed=1_0"])
         ['record.label="1_0"', 'data.hold_out=[oak,"1e3"]', 'seed=1_0']
     """

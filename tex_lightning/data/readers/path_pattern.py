@@ -38,7 +38,7 @@ def read_names(root: Path, pattern: str) -> tuple[Recordings, list[str]]:
 
     Example:
         >>> from pathlib import Path
-        >>> from tex_lightning.data.readers.names import read_names
+        >>> from tex_lightning.data.readers.path_pattern import read_names
         >>> _ = Path("A.wav").rename("red_oak_ann.wav")
         >>> table, others = read_names(Path(), "{label}_{person}.wav")
         >>> table.rows[0].label, table.rows[0].conditions

@@ -5,7 +5,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
 from tex_lightning.config.composition import compose_config
-from tex_lightning.config.names import as_typed, holds_text
+from tex_lightning.config.quoting import as_typed, holds_text
 
 NAMES = [
     "1_0", "2024_05_01", "1e3", "1E-3", "true", "TRUE", "False", "007", "1.50", "+5", ".5", "inf",

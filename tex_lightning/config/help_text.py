@@ -12,7 +12,7 @@ from tex_lightning.config import CONF, TASKS, Config, variants
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.keys import typed
 from tex_lightning.config.nodes import walk
-from tex_lightning.config.search import user_folders
+from tex_lightning.config.user_folders import user_folders
 
 WIDTH = 79
 ALL = "--help=all"
