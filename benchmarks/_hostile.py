@@ -14,7 +14,7 @@ import torch
 
 from benchmarks._classifiers import make_classifier
 from benchmarks.mutations import LONG, RATE, SMALL
-from tex_lightning.classifier.classifier import lightning_state
+from tex_lightning.classifier.checkpoint import lightning_state
 
 Write = Callable[[Path], object]
 MARK = "harmed"  # file that would show that code of a file has run

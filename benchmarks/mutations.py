@@ -21,7 +21,7 @@ from benchmarks._attempts import ACCEPTED, Attempt, Tally, attempt
 from benchmarks._classifiers import make_classifier
 from benchmarks._mutate import mutated
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.classifier.classifier import lightning_state
+from tex_lightning.classifier.checkpoint import lightning_state
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.data.recordings import read_manifest
 from tex_lightning.networks.trunks import published

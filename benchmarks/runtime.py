@@ -25,7 +25,7 @@ from PIL import Image
 
 import tex_lightning as tl
 from benchmarks._classifiers import make_classifier
-from tex_lightning.classifier.classifier import lightning_state
+from tex_lightning.classifier.checkpoint import lightning_state
 from tex_lightning.config import CONF
 from tex_lightning.errors import UserError
 from tex_lightning.export.onnx_file import make_onnx, write_onnx

@@ -27,7 +27,8 @@ from second_device import chosen, register
 
 from tex_lightning.__main__ import main
 from tex_lightning.classifier.card import Card
-from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_state
+from tex_lightning.classifier.checkpoint import lightning_state
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import CONF
 from tex_lightning.config.check import read_config
 from tex_lightning.config.composition import compose_config

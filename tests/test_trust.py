@@ -17,7 +17,8 @@ from sklearn.preprocessing import FunctionTransformer
 import tex_lightning as tl
 from tex_lightning.baselines.base import dump_estimator, load_estimator
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_state
+from tex_lightning.classifier.checkpoint import lightning_state
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config.instantiation import own_part, trust
 
 CARD = make_card("haptic", classes=["a", "b"], width=0.1)

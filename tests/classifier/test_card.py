@@ -14,8 +14,8 @@ from tex_lightning.classifier.card import (
     configured_card,
     least_rate,
     novelty_threshold,
-    read_checkpoint,
 )
+from tex_lightning.classifier.checkpoint import read_checkpoint
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import DecisionConfig
 from tex_lightning.config.check import read_config

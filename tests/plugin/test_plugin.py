@@ -12,7 +12,7 @@ from conftest import CLASSES, make_photo
 from PIL import Image
 
 import tex_lightning as tl
-from tex_lightning.classifier.card import read_checkpoint
+from tex_lightning.classifier.checkpoint import read_checkpoint
 from tex_lightning.config.user_folders import use_config_dir
 
 HERE = Path(__file__).parent

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from torch import Tensor, nn
 
-from tex_lightning.classifier.card import Card, read_checkpoint, reading
+from tex_lightning.classifier.card import Card
+from tex_lightning.classifier.checkpoint import read_checkpoint, reading
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config.instantiation import (
     PACKAGE,

@@ -1,24 +1,17 @@
 """The card of a checkpoint: plain values from which its classifier is built again."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from math import inf
-from pathlib import Path
 from typing import Annotated, Any, Self
-
-import torch
 
 from tex_lightning.config import Config, DecisionConfig
 from tex_lightning.config.instantiation import TARGET
 from tex_lightning.config.model import FUSION, FusionConfig, kind_of
 from tex_lightning.config.signatures import misfits
 from tex_lightning.config.static_signatures import read_signature
-from tex_lightning.core.console import suppress_warnings
-from tex_lightning.core.contract import fault_of
-from tex_lightning.errors import UserError, shorten
-from tex_lightning.networks.archives import check_archive
+from tex_lightning.errors import shorten
 
 LABEL = "unknown"
 CROSSVAL = "crossval"  # of the training, if the same settings were cross-validated
@@ -238,45 +231,6 @@ def novelty_threshold(known: Sequence[float], rate: float) -> float:
 def least_rate(known: int) -> float:
     """Return the smallest rate of false rejections that so many recordings can guarantee."""
     return 1 / (known + 1)
-
-
-def read_checkpoint(path: str | Path) -> dict[str, Any]:
-    """Read the tensors and plain values of a checkpoint.
-
-    Raises:
-        UserError: If the file is missing or no checkpoint.
-    """
-    path = Path(path).expanduser()
-    if not path.is_file():
-        raise UserError(f"Checkpoint {path} does not exist; check the path.")
-    with reading(path), suppress_warnings():
-        check_archive(path)
-        content: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
-    return content
-
-
-@contextmanager
-def reading(path: Path) -> Iterator[None]:
-    """Turn errors while a checkpoint is read into a :class:`UserError` that names the file.
-
-    Raises:
-        UserError: If the checkpoint is damaged or a value of it cannot be used.
-        Exception: Any exception of a user's class, unchanged.
-    """
-    try:
-        yield
-    except UserError as error:
-        if str(path) in str(error):
-            raise
-        raise UserError(f"Checkpoint {path} cannot be used: {error}") from error
-    except Exception as error:  # damage shows in as many ways as there are formats
-        if fault_of(error) is not None:
-            raise
-        what = shorten(str(error)) if isinstance(error, ValueError) else type(error).__name__
-        raise UserError(
-            f"Checkpoint {path} is damaged or was not written by tex_lightning of this version "
-            f"({what}); give a file from a run's checkpoints folder, or train anew."
-        ) from error
 
 
 def _check(card: Card) -> None:

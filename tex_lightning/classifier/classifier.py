@@ -16,7 +16,14 @@ from typing import Any, NamedTuple, Protocol, cast
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.classifier.card import Card, read_checkpoint, reading
+from tex_lightning.classifier.card import Card
+from tex_lightning.classifier.checkpoint import (
+    classifier_state,
+    lightning_state,
+    parts_below,
+    read_checkpoint,
+    reading,
+)
 from tex_lightning.classifier.statistics import FeatureStatistics, TrainingRows
 from tex_lightning.classifier.vote import RULES, Vote, random_tuples
 from tex_lightning.config.model import FUSION
@@ -37,7 +44,6 @@ from tex_lightning.networks.line import LineOrPlanes
 from tex_lightning.senses.base import Sense, content, make_sense
 from tex_lightning_runtime.samples import content_seed
 
-PREFIX = "classifier."  # in the state of a LightningModule
 STATISTICS, ROWS = "statistics.", "rows."  # in its own
 ONE_THREAD = 60_000_000_000  # weights times samples or pixels: about 200 million products
 
@@ -138,7 +144,6 @@ class SurfaceClassifier(nn.Module):
             self.fusion.remove_scores(networks)
         self.statistics, self.rows = nn.ModuleDict(), nn.ModuleDict()
         self.trained_embeddings: dict[str, tuple[Sequence[Recording], Tensor]] = {}
-        self.layers = {name: self._layers(name) for name in senses}
 
     @classmethod
     def from_checkpoint(cls, path: str | Path, kind: str | None = None) -> "SurfaceClassifier":
@@ -167,7 +172,7 @@ class SurfaceClassifier(nn.Module):
 
         Args:
             path: The file, for messages.
-            stored: Result of :func:`~tex_lightning.classifier.card.read_checkpoint`.
+            stored: Result of :func:`~tex_lightning.classifier.checkpoint.read_checkpoint`.
 
         Raises:
             UserError: If :meth:`from_checkpoint` fails.
@@ -346,18 +351,13 @@ class SurfaceClassifier(nn.Module):
 
     def embedding_layer(self, name: str) -> Level:
         """Return the layer whose output is the :meth:`embedding` of a sense."""
-        return self.layers[name][0]
+        level = self.fused_layer(name)
+        has_scores = level == "fc3" and score_layer_of(self.senses[name].network) is not None
+        return "fc2" if has_scores else level
 
     def fused_layer(self, name: str) -> Level:
         """Return the layer of a sense that is fused; of a single sense the layer of its scores."""
-        return self.layers[name][1]
-
-    def _layers(self, name: str) -> tuple[Level, Level]:
-        """Return the layers of embedding and of fusion, which are the same without FC2."""
-        level = "fc3" if self.fusion is None else self.fusion.levels[self._index(name)]
-        if level == "fc3" and score_layer_of(self.senses[name].network) is not None:
-            return "fc2", level
-        return level, level
+        return "fc3" if self.fusion is None else self.fusion.levels[self._index(name)]
 
     def _index(self, name: str) -> int:
         return self.card.sense_names.index(name)
@@ -482,26 +482,3 @@ def class_scores(
     layer: Any = score_layer_of(network)
     logits: Tensor = layer.weight.flatten(1) @ features + layer.bias[:, None]
     return logits
-
-
-def parts_below(prefix: str, state: Mapping[str, Tensor]) -> dict[str, dict[str, Tensor]]:
-    """Return the states of the modules below a prefix by their names."""
-    states: dict[str, dict[str, Tensor]] = {}
-    for key, value in state.items():
-        if key.startswith(prefix):
-            name, buffer = key.removeprefix(prefix).rsplit(".", 1)
-            states.setdefault(name, {})[buffer] = value
-    return states
-
-
-def lightning_state(classifier: SurfaceClassifier) -> dict[str, Tensor]:
-    """Return the classifier's state under the names that a Lightning checkpoint has."""
-    return {f"{PREFIX}{name}": value for name, value in classifier.state_dict().items()}
-
-
-def classifier_state(checkpoint: Mapping[str, Any]) -> dict[str, Tensor]:
-    """Return the classifier's state of a Lightning checkpoint; undoes :func:`lightning_state`."""
-    stored: dict[str, Tensor] = checkpoint["state_dict"]
-    return {
-        key.removeprefix(PREFIX): value for key, value in stored.items() if key.startswith(PREFIX)
-    }

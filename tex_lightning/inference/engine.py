@@ -63,7 +63,8 @@ def accelerate(classifier: SurfaceClassifier, config: EngineConfig) -> SurfaceCl
         if config.fast:
             # a custom network is compared on the CPU, whose random numbers alone are restored
             part = sense if is_builtin(sense.network) else sense.cpu()
-            sense.network = rewritten(part, set(fast.layers[name]), REWRITINGS)
+            levels = {fast.embedding_layer(name), fast.fused_layer(name)}
+            sense.network = rewritten(part, levels, REWRITINGS)
             sense.to(device)
     return fast
 
