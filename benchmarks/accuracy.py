@@ -36,8 +36,9 @@ from tex_lightning.core.console import console
 from tex_lightning.core.files import write_rows, write_text
 from tex_lightning.data.decode import SignalDecoder, read_trace
 from tex_lightning.data.folds import is_tested, next_of_each, with_folds
+from tex_lightning.data.manifest import write_manifest
 from tex_lightning.data.readers import read_recordings
-from tex_lightning.data.recordings import Recordings, cut_part, write_manifest
+from tex_lightning.data.recordings import Recordings, cut_part
 from tex_lightning.errors import UserError, listed
 from tex_lightning.evaluation.outcomes import read_outcomes
 from tex_lightning.perturbations.pixels import Scene

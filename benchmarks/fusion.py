@@ -29,7 +29,8 @@ from benchmarks.shapes import chosen, load, write
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.core.console import console
 from tex_lightning.core.files import write_rows
-from tex_lightning.data.recordings import Recordings, write_manifest
+from tex_lightning.data.manifest import write_manifest
+from tex_lightning.data.recordings import Recordings
 from tex_lightning.evaluation.comparison import mcnemar
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.predictor import Predictor

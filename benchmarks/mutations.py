@@ -23,7 +23,7 @@ from benchmarks._mutate import mutated
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.checkpoint import lightning_state
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
-from tex_lightning.data.recordings import read_manifest
+from tex_lightning.data.manifest import read_manifest
 from tex_lightning.networks.trunks import published
 from tex_lightning.networks.weights import load_trunk_weights
 

@@ -31,7 +31,8 @@ from tex_lightning.core.console import console
 from tex_lightning.core.files import write_rows, write_text
 from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.data.folds import is_tested
-from tex_lightning.data.recordings import Recording, Recordings, natural_key, write_manifest
+from tex_lightning.data.manifest import write_manifest
+from tex_lightning.data.recordings import Recording, Recordings, natural_key
 from tex_lightning.errors import UserError, listed
 from tex_lightning.evaluation.outcomes import read_outcomes
 

@@ -17,8 +17,9 @@ from tex_lightning.config.composition import Job, compose_config
 from tex_lightning.data import decode
 from tex_lightning.data.decode import SignalDecoder, forget_traces, keeping_traces, read_once
 from tex_lightning.data.derived_settings import with_derived
+from tex_lightning.data.manifest import write_manifest
 from tex_lightning.data.readers.folder import read_folder
-from tex_lightning.data.recordings import Recordings, write_manifest
+from tex_lightning.data.recordings import Recordings
 
 TINY = ("debug=tiny", "trainer.threads=1")
 

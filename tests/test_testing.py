@@ -25,10 +25,11 @@ from tex_lightning.config.check import read_config
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.instantiation import build, find_class
 from tex_lightning.core.contract import fault_of
+from tex_lightning.data.manifest import write_manifest
 from tex_lightning.data.readers.folder import FolderReader, ManifestReader
 from tex_lightning.data.readers.published import PatternReader, TumReader
 from tex_lightning.data.readers.synthetic import SyntheticReader
-from tex_lightning.data.recordings import Recording, Recordings, write_manifest
+from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.errors import UserError
 from tex_lightning.networks.linear import LinearNet
 from tex_lightning.networks.trunks import Trunk

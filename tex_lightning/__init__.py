@@ -11,8 +11,9 @@ if TYPE_CHECKING:
     from tex_lightning.classifier.classifier import SurfaceClassifier
     from tex_lightning.cli import Results, train
     from tex_lightning.data.datamodule import SurfaceData
+    from tex_lightning.data.manifest import read_manifest
     from tex_lightning.data.readers.folder import read_folder
-    from tex_lightning.data.recordings import Recording, Recordings, read_manifest
+    from tex_lightning.data.recordings import Recording, Recordings
     from tex_lightning.errors import UserError
     from tex_lightning.estimator import Estimator
     from tex_lightning.inference.prediction import Prediction
@@ -62,7 +63,7 @@ _MODULES = {
     "VisualNet": "networks.visualnet",
     "load": "inference.predictor",
     "read_folder": "data.readers.folder",
-    "read_manifest": "data.recordings",
+    "read_manifest": "data.manifest",
     "train": "cli",
 }
 

@@ -8,15 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tex_lightning.data.manifest import read_manifest, write_manifest
 from tex_lightning.data.readers import checked_table
-from tex_lightning.data.recordings import (
-    Recording,
-    Recordings,
-    cut_part,
-    overlap,
-    read_manifest,
-    write_manifest,
-)
+from tex_lightning.data.recordings import Recording, Recordings, cut_part, overlap
 from tex_lightning.errors import UserError
 
 HEADER = "label,modality,path,group\n"

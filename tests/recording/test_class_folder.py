@@ -8,8 +8,8 @@ from conftest import make_photo, make_trace
 from PIL import Image
 
 from tex_lightning.data.decode import SignalDecoder
+from tex_lightning.data.manifest import read_manifest
 from tex_lightning.data.readers.folder import read_folder
-from tex_lightning.data.recordings import read_manifest
 from tex_lightning.errors import UserError
 from tex_lightning.recording import class_folder
 from tex_lightning.recording.class_folder import ClassFolder, open_camera

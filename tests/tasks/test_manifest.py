@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tex_lightning.data.manifest import read_manifest
 from tex_lightning.data.readers.path_pattern import read_names
-from tex_lightning.data.recordings import read_manifest
 from tex_lightning.errors import UserError
 
 

@@ -12,7 +12,7 @@ import soundfile
 from conftest import RATE, make_photo, make_trace
 from PIL import Image
 
-from tex_lightning.data.recordings import read_manifest
+from tex_lightning.data.manifest import read_manifest
 from tex_lightning.tasks.record import Signal
 
 OAK = ("record.label=oak", f"record.haptic.rate={RATE}")

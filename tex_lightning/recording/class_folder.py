@@ -12,14 +12,9 @@ import numpy.typing as npt
 import soundfile
 
 from tex_lightning.core.files import write_atomically
+from tex_lightning.data.manifest import KNOWN, read_manifest, write_manifest
 from tex_lightning.data.readers.folder import read_folder
-from tex_lightning.data.recordings import (
-    KNOWN,
-    Recording,
-    Recordings,
-    read_manifest,
-    write_manifest,
-)
+from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.errors import UserError
 from tex_lightning.recording.sources import Chunk
 

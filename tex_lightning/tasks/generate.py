@@ -5,9 +5,9 @@ from pathlib import Path
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import say
+from tex_lightning.data.manifest import write_manifest
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.readers.synthetic import CLASSES
-from tex_lightning.data.recordings import write_manifest
 from tex_lightning.errors import UserError
 from tex_lightning.synthetic import write_folder
 

@@ -5,8 +5,8 @@ from pathlib import Path
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import say
+from tex_lightning.data.manifest import read_manifest, write_manifest
 from tex_lightning.data.readers.path_pattern import read_names
-from tex_lightning.data.recordings import read_manifest, write_manifest
 from tex_lightning.errors import UserError, listed
 
 

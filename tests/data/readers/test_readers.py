@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from haptic_sets import read
 
+from tex_lightning.data.manifest import read_manifest, write_manifest
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.readers.path_pattern import read_names
-from tex_lightning.data.recordings import Recordings, read_manifest, write_manifest
+from tex_lightning.data.recordings import Recordings
 from tex_lightning.errors import UserError
 from tex_lightning.studies.dataset import hold_out
 

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from tex_lightning.data.recordings import Recording, Recordings, write_manifest
+from tex_lightning.data.manifest import write_manifest
+from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.errors import UserError, listed, shorten
 from tex_lightning_runtime.samples import as_trace
 

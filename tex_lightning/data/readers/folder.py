@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
+from tex_lightning.data.manifest import read_manifest
 from tex_lightning.data.recordings import (
     MODALITIES,
     Recording,
     Recordings,
     is_hidden,
     natural_key,
-    read_manifest,
     sense_called,
 )
 from tex_lightning.errors import UserError

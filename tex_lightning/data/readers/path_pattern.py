@@ -4,16 +4,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from tex_lightning.data.recordings import (
-    FOLD,
-    KNOWN,
-    PART,
-    RATE,
-    Recording,
-    Recordings,
-    is_hidden,
-    natural_key,
-)
+from tex_lightning.data.manifest import FOLD, KNOWN, PART, RATE
+from tex_lightning.data.recordings import Recording, Recordings, is_hidden, natural_key
 from tex_lightning.errors import UserError, shorten
 from tex_lightning_runtime.photos import IMAGE_SUFFIXES
 from tex_lightning_runtime.traces import TRACE_SUFFIXES, stands_for_all

@@ -1,0 +1,225 @@
+"""The CSV manifest of a table of recordings: read, with what its author may mean, and written."""
+
+import csv
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path, PureWindowsPath
+from typing import Any
+
+from tex_lightning.core.files import resolved
+from tex_lightning.data.recordings import (
+    Recording,
+    Recordings,
+    check_distinct,
+    check_row,
+    natural_key,
+    read_part,
+    sense_called,
+    write_part,
+)
+from tex_lightning.errors import UserError, reason, shorten
+from tex_lightning.text import from_cell, to_cell
+from tex_lightning_runtime.files import has_long_line, is_file
+from tex_lightning_runtime.plain_text import read_utf8
+from tex_lightning_runtime.times import TableError
+
+COLUMNS = ("label", "modality", "path", "group")
+RATE, PART, FOLD = "rate", "part", "fold"
+KNOWN = (*COLUMNS, RATE, PART, FOLD)
+SAMPLING = re.compile(  # names that a column of rates may have
+    r"(sampl(e|es|ed|ing)?|acquisition|audio)(rate|freq\w*)(s|inhz|hz|khz)?|fs|k?hz|rate(in)?k?hz"
+)
+SEPARATORS = ",;\t|"
+NUMBER = re.compile("[0-9]{1,18}")  # longer ones are names
+
+
+def read_manifest(path: str | Path) -> Recordings:
+    r"""Read a table from CSV with the columns ``label,modality,path,group``.
+
+    Relative paths are relative to the manifest; an optional column ``rate`` (Hz) gives the rate
+    of traces whose format states none. A column ``part``, such as ``0-0.5``, is the position of a
+    recording in its file. A column ``fold`` fixes the folds: numbers from 0, or any other numbers
+    or names, which are counted in natural order. All other columns are conditions of the
+    recordings, such as speed, force or light. ``group`` is any text (:class:`Recording`).
+
+    Raises:
+        UserError: If the file is missing, a column is missing or a line cannot be understood.
+
+    Example:
+        >>> import tex_lightning as tl
+        >>> from pathlib import Path
+        >>> table = Path("table.csv")
+        >>> _ = table.write_text("label,modality,path,group\noak,haptic,A.wav,0\n")
+        >>> tl.read_manifest(table).classes
+        ['oak']
+    """
+    path = Path(path)
+    delimiter, names, lines = _read_lines(path)
+    _check_names(path, names)
+    rows = [_read_line(path.parent, where, line, delimiter) for where, line in lines.items()]
+    check_distinct(f"Manifest {path}", rows)
+    if not rows:
+        raise UserError(f"Manifest {path} lists no recordings; add lines {','.join(COLUMNS)}.")
+    cells = {where: (line.get(FOLD) or "").strip() for where, line in lines.items()}
+    folds, notes = _fixed_folds(cells)
+    placed = zip(rows, folds, strict=True)
+    return Recordings(tuple(replace(row, fold=fold) for row, fold in placed), notes)
+
+
+def _read_lines(path: Path) -> tuple[str, list[str], dict[str, dict[Any, Any]]]:
+    """Return the separator, the names of the columns, and by their place the lines with content.
+
+    Raises:
+        UserError: If the file is missing or no CSV.
+    """
+    if not is_file(path):
+        raise UserError(f"Manifest {path} does not exist; give an existing CSV in data.manifest.")
+    try:
+        if has_long_line(path):
+            raise ValueError("it has a line of more than 1 MiB")
+        stream = StringIO(read_utf8(path).decode(), newline="")
+        begin, above, first = 0, 1, stream.readline()
+        if first.casefold().startswith("sep="):  # of Excel
+            begin, above = stream.tell(), 2
+            first = stream.readline()
+        delimiter = max(SEPARATORS, key=lambda mark: len({*_names([first], mark)} & {*KNOWN}))
+        stream.seek(begin)
+        names = _names(stream, delimiter)
+        reader = csv.DictReader(stream, names, delimiter=delimiter, restval="")
+        lines = {f"Manifest {path}, line {reader.line_num + above}": line for line in reader}
+    except TableError as error:
+        raise UserError(f"Manifest {path} {reason(error)}.") from error
+    except (OSError, ValueError, csv.Error) as error:
+        raise UserError(
+            f"Manifest {path} is not a CSV file ({reason(error)}); save it as CSV."
+        ) from error
+    return delimiter, names, {place: line for place, line in lines.items() if any(line.values())}
+
+
+def _check_names(path: Path, names: Sequence[str]) -> None:
+    """Reject columns that nearly have a known name, and a manifest that lacks one.
+
+    Raises:
+        UserError: Naming the column.
+    """
+    for name in names:
+        if (meant := _nearly(name)) is not None:
+            raise UserError(
+                f"Manifest {path} has a column {shorten(repr(name))}; call it {meant} if it is "
+                f"meant, or otherwise if it is a condition of the recordings."
+            )
+    if missing := [column for column in COLUMNS if column not in names]:
+        raise UserError(
+            f"Manifest {path} has no column {' or '.join(missing)}; its first line must name "
+            f"{','.join(COLUMNS)}."
+        )
+
+
+def _names(lines: Iterable[str], delimiter: str) -> list[str]:
+    return [name.strip() for name in next(csv.reader(lines, delimiter=delimiter), ())]
+
+
+def _fixed_folds(cells: Mapping[str, str]) -> tuple[list[int | None], tuple[str, ...]]:
+    """Return the fold of every line of a manifest, and a note if they are renumbered.
+
+    Args:
+        cells: By line the cell of the column ``fold``, empty where there is none.
+
+    Raises:
+        UserError: If some lines have a fold and others none.
+    """
+    names = sorted({cell for cell in cells.values() if cell}, key=natural_key)
+    if not names:
+        return [None] * len(cells), ()
+    if empty := [where for where, cell in cells.items() if not cell]:
+        raise UserError(f"{empty[0]} has no fold; fill in the column fold everywhere or nowhere.")
+    same = all(NUMBER.fullmatch(name) and int(name) == at for at, name in enumerate(names))
+    note = ", ".join(f"{at} is {name}" for at, name in enumerate(names))
+    notes = () if same else (f"The folds of the column fold are numbered from 0: {shorten(note)}.",)
+    return [names.index(cell) for cell in cells.values()], notes
+
+
+def write_manifest(recordings: Recordings, path: Path) -> None:
+    """Write the table as CSV that :func:`read_manifest` reads back.
+
+    Paths below the manifest's folder are written relative to it, so that both can move together.
+    """
+    folder = path.resolve().parent
+    more = [PART] if any(row.part for row in recordings) else []
+    more += [FOLD] if any(row.fold is not None for row in recordings) else []
+    names = list(dict.fromkeys(name for row in recordings for name, _ in row.conditions))
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(map(to_cell, [*COLUMNS, RATE, *more, *names]))
+        for row in recordings:
+            rate = "" if row.sampling_rate is None else row.sampling_rate
+            file = row.path.resolve()
+            if file.is_relative_to(folder):
+                file = file.relative_to(folder)
+            part = write_part(row.part) if row.part else ""
+            fold = "" if row.fold is None else row.fold
+            optional = {PART: part, FOLD: fold, **dict(row.conditions)}
+            values = [optional.get(name, "") for name in (*more, *names)]
+            cells = [row.label, row.modality, str(file), row.group, rate, *values]
+            writer.writerow(map(to_cell, cells))
+
+
+def _read_line(folder: Path, where: str, line: dict[Any, Any], delimiter: str) -> Recording:
+    """Return the recording of a line.
+
+    Raises:
+        UserError: Beginning with ``where``, if a cell cannot be understood.
+    """
+    if beyond := "".join(line.get(None, ())).strip():  # of csv.DictReader
+        raise UserError(
+            f"{where} has more cells than there are columns, {shorten(repr(beyond))}; put "
+            f'"quotes" around a cell that has {delimiter!r} in it.'
+        )
+    cells = {name: from_cell(value) for name, value in line.items() if name}
+    group, part, rate = (cells.get(name, "") for name in ("group", PART, RATE))
+    conditions = ((name, value) for name, value in cells.items() if value and name not in KNOWN)
+    row = Recording(
+        cells["label"],
+        sense_called(cells["modality"].strip()),
+        resolved(_existing(folder, cells["path"])),
+        int(group) if NUMBER.fullmatch(group.strip()) else group.strip(),
+        _parsed(float, _plain_number(rate, delimiter)),
+        tuple(conditions),
+        _parsed(read_part, part),
+    )
+    check_row(row, where)  # what could not be parsed is text
+    return row
+
+
+def _existing(folder: Path, name: str) -> Path:
+    """Return a file, perhaps one whose name has blanks around it, or is written as of Windows."""
+    forms = (name, name.strip(), PureWindowsPath(name.strip()).as_posix())
+    return next((path for each in forms if is_file(path := folder / each)), folder / name)
+
+
+def _plain_number(text: str, delimiter: str) -> str:
+    """Return a number with a decimal point and no marks of thousands, as columns are divided."""
+    mark = "." if delimiter == ";" else ","
+    if re.fullmatch(rf"[1-9]\d{{0,2}}(\{mark}\d{{3}})+", text.strip()):
+        return text.replace(mark, "")
+    return text.replace(",", ".")
+
+
+def _nearly(name: str) -> str | None:
+    """Return the known column that a name may be a misspelling of; None if there is none."""
+    plain = re.sub(r"[\W_]+", "", name.casefold())
+    if name in KNOWN or not plain:
+        return None
+    if SAMPLING.fullmatch(plain):
+        return RATE
+    slips = {plain[:at] + plain[at : at + 2][::-1] + plain[at + 2 :] for at in range(len(plain))}
+    return next((known for known in KNOWN if known in {*slips, plain.removesuffix("s")}), None)
+
+
+def _parsed(parse: Callable[[str], Any], text: str) -> Any:  # noqa: ANN401
+    try:
+        return parse(text) if text else None
+    except ValueError:
+        return text
