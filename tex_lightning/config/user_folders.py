@@ -59,12 +59,6 @@ def _named_folders(overrides: Sequence[str]) -> Iterator[Path]:
                 yield Path(entry.strip(" '\"").removeprefix("file://"))
 
 
-def _homes(package: str) -> Iterator[Path]:
-    """Yield the folders of a top-level package without importing it."""
-    spec = find_spec(package)
-    yield from map(Path, (spec and spec.submodule_search_locations) or ())
-
-
 def installed_packages() -> list[str]:
     """Return top packages that registered themselves under the entry-point group."""
     plugins = entry_points(group=ENTRY_POINTS)
@@ -73,7 +67,9 @@ def installed_packages() -> list[str]:
 
 def user_folders() -> list[Path]:
     """Return the command line's folder, then the ``conf`` of every registered package."""
-    folders = (home / "conf" for package in installed_packages() for home in _homes(package))
+    specs = map(find_spec, installed_packages())  # which imports none of them
+    homes = (home for spec in specs for home in (spec and spec.submodule_search_locations) or ())
+    folders = (Path(home) / "conf" for home in homes)
     return [*_GIVEN, *(folder for folder in folders if folder.is_dir())]
 
 

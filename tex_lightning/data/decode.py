@@ -34,7 +34,6 @@ ASSUMED = "an assumption"
 RATES = f"[{MIN_RATE:g}, {MAX_RATE:g}]"
 log = logging.getLogger(__name__)
 Array = npt.NDArray[Any]
-Trace = npt.NDArray[np.float32]
 Photo = npt.NDArray[np.uint8]
 
 

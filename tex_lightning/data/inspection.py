@@ -129,7 +129,7 @@ def alike_photos(rows: Sequence[Recording], store: Store) -> Iterator[Finding]:
     """Yield pairs of photos of different groups that show the same, at the same place."""
     small, large = [], []
     for row in track(rows, f"Comparing {plural(rows[0].modality)}"):
-        grey = _grey(store.load(row))
+        grey = np.asarray(store.load(row), np.float32).mean(axis=2)
         small.append(_standard(cv2.resize(grey, (SMALL, SMALL), interpolation=cv2.INTER_AREA)))
         details = cv2.resize(grey, (LARGE, LARGE), interpolation=cv2.INTER_AREA)
         large.append(_standard(details - cv2.GaussianBlur(details, (0, 0), BLUR)))
@@ -149,10 +149,6 @@ def alike_photos(rows: Sequence[Recording], store: Store) -> Iterator[Finding]:
         if len(groups) > 1 and len(contents) > 1:  # else it is a copy
             text = f"{len(members)} {plural(members[0].modality)} of {len(groups)} groups are alike"
             yield Finding("same picture", text, named_files(members))
-
-
-def _grey(photo: Array) -> npt.NDArray[np.float32]:
-    return np.asarray(np.asarray(photo, np.float32).mean(axis=2))
 
 
 def _standard(picture: Array) -> npt.NDArray[np.float32]:

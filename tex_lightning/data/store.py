@@ -148,7 +148,7 @@ class Store:
 
     def rate(self, recording: Recording) -> float:
         """Return the sampling rate of a trace's file in Hz."""
-        return self._read(recording, _read_rate)
+        return self._read(recording, lambda entry: float(_told(entry)["rate"]))
 
     def reading(self, recording: Recording) -> Reading:
         """Return how the file of a trace was read."""
@@ -255,10 +255,6 @@ def _told(entry: Path) -> dict[str, Any]:
         stream.seek(max(0, end - size))
         facts: dict[str, Any] = json.loads(stream.read(min(size, end)))
     return facts
-
-
-def _read_rate(entry: Path) -> float:
-    return float(_told(entry)["rate"])
 
 
 def _read_reading(entry: Path) -> Reading:

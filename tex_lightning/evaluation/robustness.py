@@ -86,7 +86,8 @@ def _order(failure: Failure) -> tuple[float, float, float]:
 def _failure(trials: Sequence[StabilityRow]) -> Failure:
     clean, *perturbed = sorted(trials, key=lambda trial: trial.severity)
     level = LEVEL / max(len(perturbed), 1)
-    lower = next((trial for trial in perturbed if _is_lower(trial, level)), None)
+    worse = (trial for trial in perturbed if trial.lost > trial.gained)
+    lower = next((trial for trial in worse if exact_p(trial.lost, trial.gained) < level), None)
     needed = KEPT_SHARE * clean.vote_accuracy
     before, broken, breaking = clean, None, None
     for trial in perturbed:
@@ -98,10 +99,6 @@ def _failure(trials: Sequence[StabilityRow]) -> Failure:
         before = trial
     errors = [1 - trial.vote_accuracy for trial in perturbed]
     return Failure(clean, lower, broken, breaking, sum(errors) / max(len(errors), 1))
-
-
-def _is_lower(trial: StabilityRow, level: float) -> bool:
-    return trial.lost > trial.gained and exact_p(trial.lost, trial.gained) < level
 
 
 def failure_entry(failure: Failure, table: Mapping[str, Perturbation]) -> dict[str, Any]:

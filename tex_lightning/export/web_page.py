@@ -33,16 +33,14 @@ def page_files(metadata: Mapping[str, Any], runtime: Mapping[str, bytes]) -> dic
         runtime: Files of ONNX Runtime Web by name.
     """
     sources = files("tex_lightning.export").joinpath("web")
-    content = {_place(file.name): file.read_bytes() for file in sources.iterdir()}
+    content = {
+        f"script/{file.name}" if file.name.endswith(".js") else file.name: file.read_bytes()
+        for file in sources.iterdir()
+    }
     content |= {f"{RUNTIME}/{name}": part for name, part in runtime.items()}
     content[f"{RUNTIME}/LICENSE.txt"] = content.pop("onnxruntime_license.txt")
     content[CARD] = json.dumps(metadata).encode()
     return content
-
-
-def _place(name: str) -> str:
-    """Return the path of a source in the page's folder."""
-    return f"script/{name}" if name.endswith(".js") else name
 
 
 NAME, VERSION = "onnxruntime-web", "1.30.0"

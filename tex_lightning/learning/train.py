@@ -188,7 +188,8 @@ class Training:
             recipe, size = {**self.config.model.fit_values(name), **fit}, module.pieces[name]
             learn = not self.starts
             bank = sense.bank(rows, self.store, recipe, size=size, seed=module.seed, learn=learn)
-            banks[name] = bank, self._labels(rows)
+            labels = class_indices([row.label for row in rows], self.card.classes)
+            banks[name] = bank, np.array(labels)
         return TrainingBatches(banks, fit["batch_size"], module.seed)
 
     def _start(self, trainer: Trainer, module: LightningModule, stage: str) -> None:
@@ -297,9 +298,6 @@ class Training:
     @property
     def _rows(self) -> Sequence[Recording]:
         return self.parts.train.of(self.card.modalities[0]).rows
-
-    def _labels(self, rows: Sequence[Recording]) -> Indices:
-        return np.array(class_indices([row.label for row in rows], self.card.classes))
 
     @contextmanager
     def _timed(self) -> Iterator[None]:

@@ -115,7 +115,7 @@ def error_cards(directory: Path) -> dict[str, Any]:
         with the cards of their sides; ``classes`` and ``networks`` to filter by; ``said``.
     """
     kept = {file.stem: read_or_empty(file) for file in (directory / FOLDER).glob("*.json")}
-    outcomes = _outcomes(directory, kept)
+    outcomes = _outcomes(directory)
     order = [name for name in outcomes if name in kept]
     right = _right(outcomes)
     cards, pairs, said = [], [], []
@@ -133,7 +133,7 @@ def error_cards(directory: Path) -> dict[str, Any]:
     return {"cards": cards, "pairs": pairs, "classes": classes, "networks": order, "said": said}
 
 
-def _outcomes(directory: Path, names: Mapping[str, Kept]) -> dict[str, list[Outcome]]:
+def _outcomes(directory: Path) -> dict[str, list[Outcome]]:
     """Return the outcomes of each network of a run, in the order of ``results.json``."""
     results = read_or_empty(directory / "results.json")
     files = {
@@ -214,7 +214,7 @@ def _link(source: str) -> str:
 def class_tables(directory: Path) -> list[Table]:
     """Return for each network a row for each class: how many, recall, precision, most confused."""
     tables = []
-    for network, outcomes in _outcomes(directory, {}).items():
+    for network, outcomes in _outcomes(directory).items():
         labels = sorted({outcome.label for outcome in outcomes})
         rows = [_class_row(label, outcomes) for label in labels]
         tables.append(Table(f"{network}: classes", rows))

@@ -60,17 +60,14 @@ def summarise(directory: Path, *, searched: bool) -> int:
     lines = [{**row, **assigned(row), "overrides": " ".join(row["overrides"])} for row in rows]
     known = columns()
     headings = [*(key for key in keys if key not in known), *known]
-    cells = ([line.get(heading) for heading in headings] for line in lines)
-    write_rows(directory / "sweep.csv", headings, ([*map(_written, line)] for line in cells))
+    values = ([line.get(heading) for heading in headings] for line in lines)
+    cells = (["" if value is None else value for value in line] for line in values)
+    write_rows(directory / "sweep.csv", headings, cells)
     table = sweep_table(rows, searched=searched)
     _print(table, rows, directory)
     draw_sweep(rows, directory, searched=searched)
     write_report(directory, jobs, [table])
     return sum(row["status"] != "done" for row in rows)
-
-
-def _written(cell: object) -> object:
-    return "" if cell is None else cell
 
 
 def _print(table: Table, rows: Sequence[TrialRow], directory: Path) -> None:
@@ -111,7 +108,8 @@ def draw_sweep(rows: Sequence[TrialRow], directory: Path, *, searched: bool) -> 
     """
     keys = [key for key in swept_keys(rows) if key not in ("seed", *FOLD_KEYS)]
     names = short_names(keys)
-    known = [row for row in _asked(shown_rows(rows)) if row.get(_column(searched)) is not None]
+    asked = {(row[JOB], *row["overrides"]): row for row in shown_rows(rows)}  # the last network
+    known = [row for row in asked.values() if row.get(_column(searched)) is not None]
     files = []
     for key in keys[:MAX_FIGURES]:
         figure = key_figure(known, key, names, searched=searched)
@@ -123,12 +121,6 @@ def draw_sweep(rows: Sequence[TrialRow], directory: Path, *, searched: bool) -> 
 
 def _column(searched: bool) -> str:
     return LOSS if searched else "vote_accuracy"
-
-
-def _asked(rows: Iterable[TrialRow]) -> list[TrialRow]:
-    """Return the last network of each job, which is the requested model."""
-    asked = {(row[JOB], *row["overrides"]): row for row in rows}
-    return [*asked.values()]
 
 
 @styled

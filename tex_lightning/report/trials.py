@@ -183,7 +183,12 @@ def sweep_table(rows: Sequence[TrialRow], *, searched: bool) -> Table:
     keys = swept_keys(rows)
     names = short_names(keys)
     lines = [
-        {**{names[key]: short(assigned(row).get(key, "")) for key in keys}, **_told(row, searched)}
+        {
+            **{names[key]: short(assigned(row).get(key, "")) for key in keys},
+            JOB: row[JOB],
+            "network": row.get("network", ""),
+            **told_figures(row, searched),
+        }
         for row in shown_rows(rows)
     ]
     said = SEARCHED if searched else NOT_SEARCHED
@@ -196,11 +201,6 @@ def short(value: str) -> str:
         return value if len(value) < LONG else f"{float(value):.4g}"
     except ValueError:
         return value
-
-
-def _told(row: TrialRow, searched: bool) -> dict[str, str]:
-    """Return what came out of a row, by heading."""
-    return {JOB: row[JOB], "network": row.get("network", ""), **told_figures(row, searched)}
 
 
 def told_figures(row: TrialRow, searched: bool) -> dict[str, str]:

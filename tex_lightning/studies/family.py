@@ -172,7 +172,8 @@ def measure_family(systems: Sequence[System], folds: Sequence[int], directory: P
         for number, system in enumerate(systems):
             level.update(number, title=system.label)
             which = f"System {number + 1}/{len(systems)}, {system.label}"
-            log.info("%s: %s.", which, _announced(homes := _homes(directory, system, folds)))
+            homes = {fold: directory / system.name / "folds" / str(fold) for fold in folds}
+            log.info("%s: %s.", which, _announced(homes))
             entries = _run_folds(system.config, homes, networks_in, what, shown)
             kind = system.config.model.kind
             seconds = [sum(part["fit_seconds"] for part in entry.values()) for entry in entries]
@@ -186,10 +187,6 @@ def measure_family(systems: Sequence[System], folds: Sequence[int], directory: P
                 "%s: %d/%d correct, %.3g ms for a sample, fitted in %.3g s a fold.",
                 which, right, len(system.outcomes), system.cost, system.fit_seconds,
             )  # fmt: skip
-
-
-def _homes(directory: Path, system: System, folds: Sequence[int]) -> dict[int, Path]:
-    return {fold: directory / system.name / "folds" / str(fold) for fold in folds}
 
 
 def _announced(homes: Mapping[int, Path]) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from tex_lightning.config import Config, DataConfig
+from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import say
 from tex_lightning.data.inspection import Finding, named_files, suspicions
@@ -42,7 +42,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
 
 def _open(config: Config) -> tuple[Dataset, list[Sense]]:
     """Decode all recordings of senses that are known, without those that cannot be read."""
-    table = _read(config.data, config)
+    known = [config.model.sense(name).modality for name in config.model.known]
+    rendered = config.data.name == "synthetic"  # by which senses are asked for
+    table = read_recordings(config.data, known if rendered else None, least=1)
     senses = _senses(config, table)
     unread = sorted({row.modality for row in table} - {sense.modality for sense in senses})
     if not senses:
@@ -74,11 +76,6 @@ def _too_small(dataset: Dataset, senses: Sequence[Sense]) -> Iterator[Finding]:
             count = f"{len(small)} of {len(rows)} {plural(sense.modality)}; the first: "
             files = named_files([unusable.recording for unusable in small])
             yield Finding("too small", f"{count}{small[0].reason}", files)
-
-
-def _read(data: DataConfig, config: Config) -> Recordings:
-    known = [config.model.sense(name).modality for name in config.model.known]
-    return read_recordings(data, known if data.name == "synthetic" else None, least=1)
 
 
 def _senses(config: Config, table: Recordings) -> list[Sense]:

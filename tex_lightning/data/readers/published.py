@@ -81,8 +81,9 @@ class PatternReader:
             for path, match in self._matches(self.folder / name, notes)
         ]
         if not matches:
+            source = f", or get the data set from {self.page}" if self.page else ""
             raise UserError(
-                f"Folder {self.folder} holds no {self.example}; check data.root{self._got_from}."
+                f"Folder {self.folder} holds no {self.example}; check data.root{source}."
             )
         values = sorted({match[self.group_by] for _, _, match in matches}, key=natural_key)
         rows = [
@@ -98,10 +99,6 @@ class PatternReader:
             for modality, path, match in matches
         ]
         return Recordings(tuple(rows), tuple(notes))
-
-    @property
-    def _got_from(self) -> str:
-        return f", or get the data set from {self.page}" if self.page else ""
 
     def _group(self, label: str, number: int) -> str:
         return f"{self.group_by if self.group_by in self.conditions else label}/{number}"

@@ -11,7 +11,7 @@ from tex_lightning import __version__
 from tex_lightning.config.data import SyntheticConfig
 from tex_lightning.core.files import partial_path, unwritable
 from tex_lightning.data.readers.folder import read_folder
-from tex_lightning.data.recordings import Recording, Recordings, plural
+from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.store import cache_root
 from tex_lightning.synthetic import write_folder
 from tex_lightning.synthetic.dataset import RATE
@@ -46,11 +46,12 @@ class SyntheticReader:
         kinds: list[tuple[str, ...]] = [("haptic", "image")] if set(self.senses) != {SOUND} else []
         kinds += [(SOUND,)] if SOUND in self.senses else []
         rows = [row for kind in kinds for row in read_folder(self._folder(kind))]
-        return Recordings(tuple(self._with_rate(row) for row in rows))
-
-    def _with_rate(self, row: Recording) -> Recording:
-        """Return a trace with its rate, which its file does not state."""
-        return replace(row, sampling_rate=float(RATE)) if row.modality == "haptic" else row
+        return Recordings(
+            tuple(  # files of traces do not state their rate
+                replace(row, sampling_rate=float(RATE)) if row.modality == "haptic" else row
+                for row in rows
+            )
+        )
 
     def _folder(self, modalities: tuple[str, ...]) -> Path:
         """Return the folder of the cache with these recordings, rendered there if it is missing."""
