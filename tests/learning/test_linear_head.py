@@ -9,8 +9,8 @@ from sklearn.model_selection import PredefinedSplit, cross_val_predict
 
 from tex_lightning.config import EngineConfig
 from tex_lightning.core.groups import leave_out
+from tex_lightning.learning.linear_head import FrozenTrunk, _view, fit_linear_head
 from tex_lightning.learning.module import SurfaceModule
-from tex_lightning.learning.start import FrozenTrunk, _view, fit_linear_head
 from tex_lightning.networks.choice import fit_temperature
 from tex_lightning.perturbations.table import Augmentation
 

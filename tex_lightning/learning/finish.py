@@ -24,7 +24,7 @@ from tex_lightning.data.store import Store, load_recording, load_sample
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.calibration import sample_loss, sample_temperature
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.learning.start import FrozenTrunk, fits_probabilities, scores_textures
+from tex_lightning.learning.linear_head import FrozenTrunk, fits_probabilities, scores_textures
 
 MAX_FEATURE = 1e18  # whose square is a float32
 REACH = 0.9  # share of left-out recordings that are like the training

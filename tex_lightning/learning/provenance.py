@@ -35,30 +35,6 @@ WHERE, PER_CLASS = "test_where", "per_class"
 ENDS_BYTES, ENDS_DIGITS = 65_536, 16
 
 
-def load_start(path: Path, card: Card, test: Recordings, data: DataConfig) -> SurfaceClassifier:
-    """Load a checkpoint of one sense, for FusionNet to start from.
-
-    Args:
-        path: The checkpoint.
-        card: Card of this sense's network as this run would train it.
-        test: The test recordings.
-        data: Division into folds or by condition.
-
-    Raises:
-        UserError: If it holds another kind of network or other classes, or was trained on test
-            recordings.
-    """
-    start = SurfaceClassifier.from_checkpoint(path, card.kind)
-    theirs = start.card
-    if theirs.classes != card.classes:
-        raise UserError(
-            f"Checkpoint {path} knows {len(theirs.classes)} classes that are not the "
-            f"{len(card.classes)} of this data; train it on the same data."
-        )
-    refuse_leak(test.of(theirs.modalities[0]), theirs, f"Checkpoint {path}", data)
-    return start
-
-
 def complete_recipe(
     config: Config,
     card: Card,

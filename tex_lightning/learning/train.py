@@ -41,8 +41,8 @@ from tex_lightning.data.store import Store, load_recording
 from tex_lightning.learning.finish import calibrate, calibrate_baseline, set_statistics
 from tex_lightning.learning.loggers import open_loggers, show_inputs
 from tex_lightning.learning.module import SurfaceModule, make_module
-from tex_lightning.learning.provenance import complete_recipe, load_start
-from tex_lightning.learning.start import start_fusion, start_network
+from tex_lightning.learning.provenance import complete_recipe
+from tex_lightning.learning.start import load_start, start_fusion, start_network
 from tex_lightning.learning.trainer import (
     build_callbacks,
     find_resumable,
@@ -153,6 +153,8 @@ class Training:
         torch.manual_seed(config.seed)
         with self._timed():
             module = make_module(config, self.card)
+            if self.starts:  # before the batches are made: the features of its senses are fitted
+                start_fusion(module, self.starts, config.model.fusion.head_start)
             self.batches = self._make_batches(module)
         samples = make_samples(self.parts.val, self.card.modalities)
         validation = SampleSet(samples, self.store, self.card.classes)
@@ -175,12 +177,7 @@ class Training:
         return module.classifier
 
     def _make_batches(self, module: SurfaceModule) -> TrainingBatches:
-        """Make the bank of each sense, and the training batches that are cut from the banks.
-
-        A FusionNet gets the weights of its senses first, since their features are fitted already.
-        """
-        if self.starts:
-            start_fusion(module, self.starts, self.config.model.fusion.head_start)
+        """Make the bank of each sense, and the training batches that are cut from the banks."""
         fit, banks = module.fit_config, dict[str, tuple[Bank, Indices]]()
         for name, sense in module.classifier.senses.items():
             rows = self.parts.train.of(sense.modality).rows
