@@ -82,37 +82,37 @@ def make_prediction(
         latency: Time from input to label in seconds.
         modalities: Modalities that a FusionNet used.
     """
-    threshold, milliseconds = card.unknown_above, round(latency * 1000, 3)
-    warnings = tuple(quality.warnings)
+    threshold = card.unknown_above
+    told: dict[str, Any] = {
+        "warnings": tuple(quality.warnings),
+        "modalities": tuple(modalities),
+        "latency_ms": round(latency * 1000, 3),
+    }
     if vote is None:
         rejected = None if threshold is None else False
-        return Prediction(
-            None, rejected, None, None, (), 0, 1.0, warnings, tuple(modalities), milliseconds
-        )
-    relative_macs = round(vote.relative_macs, 6)
-    vote = vote.doubted(quality.doubt)
-    support, probable, classes = vote.support.tolist(), vote.probabilities.tolist(), card.classes
+        return Prediction(None, rejected, None, None, (), 0, 1.0, **told)
+    doubted = vote.doubted(quality.doubt)
+    support, probable, classes = (
+        doubted.support.tolist(), doubted.probabilities.tolist(), card.classes
+    )  # fmt: skip
     # the label first whatever the tie, then the others by what decides, then as ties are broken
     ranked = sorted(
-        range(len(classes)), key=lambda i: (i != vote.label, -support[i], -probable[i], i)
+        range(len(classes)), key=lambda i: (i != doubted.label, -support[i], -probable[i], i)
     )
-    novelty, unknown = None, None
-    if threshold is not None:
-        novelty = vote.novelty
-        unknown = quality.empty or (novelty is not None and novelty > threshold)
+    novelty = None if threshold is None else doubted.novelty
+    novel = threshold is not None and novelty is not None and novelty > threshold
+    unknown = None if threshold is None else quality.empty or novel
     return Prediction(
-        label=LABEL if unknown else classes[vote.label],
+        label=LABEL if unknown else classes[doubted.label],
         rejected=unknown,
-        probability=vote.probability,
-        confidence=support[vote.label],
+        probability=doubted.probability,
+        confidence=support[doubted.label],
         top_k=tuple({"label": classes[i], "share": support[i]} for i in ranked[:top_k]),
-        fragments=len(vote.fragments),
-        relative_macs=relative_macs,
-        warnings=warnings,
-        modalities=tuple(modalities),
-        latency_ms=milliseconds,
+        fragments=len(doubted.fragments),
+        relative_macs=round(vote.relative_macs, 6),
         novelty=novelty,
         probabilities=dict(zip(classes, probable, strict=True)),
+        **told,
     )
 
 

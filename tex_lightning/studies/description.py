@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import Any, cast
 
 from rich.text import Text
 
@@ -59,10 +59,10 @@ def describe_data(
         f"{finding.text}: {finding.files}; keep one, or give them one group." for finding in same
     ]
     for modality in modalities:
-        signals = rows.of(modality)
-        notes += rate_warnings(signals, dataset.store)
-        notes += assumed_rate(signals, dataset.store)
-        notes += reading_notes(signals, dataset.store)
+        if isinstance(dataset.store.decoders[modality], SignalDecoder):
+            signals = rows.of(modality)
+            for notes_on in (rate_warnings, assumed_rate, reading_notes):
+                notes += notes_on(signals, dataset.store)
     return {
         "name": data.name,
         "from": str(data.manifest or data.root or ""),
@@ -146,8 +146,13 @@ def show_opening(
         log.warning("%s", text)
     if keep_in is not None:
         keep_description(description, dataset, keep_in)
-    if Screen.verbose == QUIET:
-        return description
+    if Screen.verbose != QUIET:
+        _print(description, divisions, what)
+    return description
+
+
+def _print(description: Description, divisions: Sequence[Folding], what: str) -> None:
+    """Print the description of the data, how they are divided, and what is trained or tested."""
 
     def show(title: str, text: str, *, whole: bool = False) -> None:
         line = Text(f"{title:<8} {printable_lines(text)}")
@@ -166,7 +171,6 @@ def show_opening(
         show("Left out", f"{len(description['skipped'])} files that cannot be used")
     if what:
         show("Trains" if divisions else "Tests", what)
-    return description
 
 
 def keep_description(description: Description, dataset: Dataset, directory: Path) -> None:
@@ -234,8 +238,6 @@ def _spread(values: Sequence[float], unit: str, form: str) -> str:
 
 def assumed_rate(signals: Recordings, store: Store) -> list[str]:
     """Say that nobody has given the rate of signals, of which everything depends on it."""
-    if not isinstance(store.decoders[signals.rows[0].modality], SignalDecoder):
-        return []
     rows = [row for row in signals if store.reading(row).rate_from.startswith(ASSUMED)]
     if not rows:
         return []
@@ -248,11 +250,8 @@ def assumed_rate(signals: Recordings, store: Store) -> list[str]:
 def rate_warnings(signals: Recordings, store: Store) -> list[str]:
     """Warn of signals of a much lower rate than others."""
     modality = signals.rows[0].modality
-    decoder = store.decoders[modality]
-    if not isinstance(decoder, SignalDecoder):
-        return []
     rates = {row: store.rate(row) for row in signals}
-    highest = min(max(rates.values()), decoder.sampling_rate)
+    highest = min(max(rates.values()), cast(SignalDecoder, store.decoders[modality]).sampling_rate)
     low = [row for row, hz in rates.items() if hz * MEASURES["rate"][0] < highest]
     if not low:
         return []
@@ -266,8 +265,6 @@ def rate_warnings(signals: Recordings, store: Store) -> list[str]:
 
 def readings(signals: Recordings, store: Store) -> list[str]:
     """Say how files of signals were read: once for all that agree, those of most files first."""
-    if not isinstance(store.decoders[signals.rows[0].modality], SignalDecoder):
-        return []
     rates: dict[Reading, list[float]] = defaultdict(list)
     first: dict[Reading, str] = {}
     for row in signals:
@@ -284,8 +281,6 @@ def readings(signals: Recordings, store: Store) -> list[str]:
 
 def reading_notes(signals: Recordings, store: Store) -> list[str]:
     """Say what was skipped or filled in which file."""
-    if not isinstance(store.decoders[signals.rows[0].modality], SignalDecoder):
-        return []
     notes = [f"{row.path}: {note}." for row in signals for note in store.reading(row).notes]
     more = [f"And {len(notes) - MAX_NOTES} more such notes."] if len(notes) > MAX_NOTES else []
     return notes[:MAX_NOTES] + more

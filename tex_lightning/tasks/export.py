@@ -3,6 +3,7 @@
 import json
 import logging
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -68,25 +69,34 @@ def export_classifier(
         page = page_files(metadata(classifier), runtime)
     card = config.export.format == "card"
     file = out / ("MODEL_CARD.md" if card else f"{classifier.card.kind}.onnx")
-    files, record = [file.name, *page], out / RECORD
-    written = read_record(record).get("files", []) if record.is_file() else []
-    for name in [RECORD, *files]:  # before any work is done
-        if os.path.lexists(out / name) and name not in written:
-            raise UserError(
-                f"{out / name} was not written by an export; move it away or choose another "
-                "export.out."
-            )
+    files = _claimed(out, [RECORD, file.name, *page])
     if card:
         write_text(file, model_card(classifier, checkpoint))
         say(str(file))
         entry: dict[str, Any] = {}
     else:
         entry = _write_onnx(config, classifier, file, page)
-    entry |= {"file": file.name, "bytes": file.stat().st_size}
+    entry |= {"file": file.name, "bytes": file.stat().st_size, "files": files}
     results = {"task": config.task, "format": config.export.format, **entry}
-    results["files"] = list(dict.fromkeys([RECORD, *written, *files]))
-    write_text(record, json.dumps(results, indent=1))
+    write_text(out / RECORD, json.dumps(results, indent=1))
     return results
+
+
+def _claimed(out: Path, names: Sequence[str]) -> list[str]:
+    """Return the names of all files of exports to a folder, with those that come now.
+
+    Raises:
+        UserError: If one of them is there, and no export wrote it.
+    """
+    record = out / RECORD
+    written: list[str] = read_record(record).get("files", []) if record.is_file() else []
+    for name in names:
+        if os.path.lexists(out / name) and name not in written:
+            raise UserError(
+                f"{out / name} was not written by an export; move it away or choose another "
+                "export.out."
+            )
+    return list(dict.fromkeys([RECORD, *written, *names]))
 
 
 def _write_onnx(
