@@ -17,11 +17,11 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.config.check import read_config
 from tex_lightning.config.composition import compose_config
+from tex_lightning.core import devices
 from tex_lightning.core.devices import computing_device
 from tex_lightning.inference.early_stopping import make_inference_model
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.stream import LiveStream
-from tex_lightning.networks import folding
 from tex_lightning.networks.trunks import TRUNKS
 
 PAPER = {"axes": "trace", "scale": "linear", "normalisation": "paper", "norm": "lrn"}
@@ -113,7 +113,7 @@ def test_a_copy_is_accelerated_where_it_is_if_the_device_has_float64(monkeypatch
     near = make_classifier(make_card("haptic", "visual", width=0.1))
     far = deepcopy(near).to(stand_in.register())
     monkeypatch.setattr(stand_in, "WIDE", () if wide else stand_in.WIDE)
-    monkeypatch.setattr(folding, "has_float64", lambda device: wide or device.type == "cpu")
+    monkeypatch.setattr(devices, "has_float64", lambda device: wide or device.type == "cpu")
     with stand_in.noting() as counts:
         found = accelerate(far, engine)
     assert bool([place for way, place in counts if way != "wait"]) != wide
@@ -161,16 +161,17 @@ def test_results_name_the_device_that_computed(second_device, cli, tiny, naive_b
         assert results["environment"]["device"] == "cpu"
 
 
-def test_one_signal_is_predicted_from_on_the_cpu(second_device, cli, untrained, surfaces):
-    """Unless another device is asked for; several signals take the device, and so does a photo."""
+def test_one_sample_is_predicted_from_on_the_cpu(second_device, cli, untrained, surfaces):
+    """Unless another device is asked for; several samples take the device."""
     checkpoint = f"checkpoint={untrained}/checkpoints/fusion.ckpt"
     haptic, image = (f"{name}={surfaces}/alpha/{name}" for name in ("haptic", "image"))
-    labels, one = [], f"{haptic}/alpha_0.wav"
+    labels, one, photo = [], f"{haptic}/alpha_0.wav", f"{image}/alpha_0.png"
     for *files, there in (
         (one, False),
         (one, "trainer.accelerator=gpu", True),
         (f"haptic=[{one.partition('=')[2]},{surfaces}/beta/haptic/beta_1.wav]", True),
-        (one, f"{image}/alpha_0.png", True),
+        (one, photo, False),
+        (photo, False),
     ):
         with stand_in.noting() as counts:
             done = cli("task=predict", checkpoint, *files)

@@ -22,10 +22,14 @@ from torch.nn.functional import cross_entropy
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config.check import read_config
 from tex_lightning.config.composition import compose_config
+from tex_lightning.data.folds import make_samples
+from tex_lightning.evaluation.outcomes import WARM_UP, run_test
 from tex_lightning.learning.module import mean_loss
 from tex_lightning.networks.blocks import ResponseNorm
+from tex_lightning.perturbations.table import perturbations
 from tex_lightning.senses.features.movement import moving
 from tex_lightning.studies.fold import open_training, train_model
+from tex_lightning.studies.perturbed import PerturbedDataset, SystemFold
 
 RECORDINGS = 4  # of each class
 SENSES = {"haptic": ["haptic"], "visual": ["visual"], "fusion": ["haptic", "visual"]}
@@ -42,13 +46,15 @@ PHOTO = Counter({("to", "base.Sense.read"): 1})
 TUPLES = Counter({("to", "classifier.SurfaceClassifier.fuse"): 1})  # drawn on the CPU
 READ = {"haptic": SIGNAL, "visual": PHOTO, "fusion": SIGNAL + PHOTO + TUPLES}
 LABEL = Counter({("to", "module.SurfaceModule.validation_step"): 1})
-AGAIN = {"haptic": Counter(), "visual": PHOTO, "fusion": PHOTO + TUPLES}  # of the same sample
+KEPT = Counter({("to", "validation.Validation._input"): 1})  # a validated photo
+FIRST = {"haptic": SIGNAL, "visual": KEPT, "fusion": SIGNAL + KEPT + TUPLES}
+AGAIN = {"haptic": Counter(), "visual": Counter(), "fusion": TUPLES}  # of the same sample
 # All scores of an epoch, to be voted with on the CPU, and what fragments and samples voted for
 DECIDED = Counter({
-    ("from", "validation.Validation.decide"): 1, ("to", "validation.Validation.decide"): 2,
+    ("from", "devices.to_cpu"): 1, ("to", "validation.Validation.decide"): 2,
 })  # fmt: skip
 FIGURES = 20  # that Lightning waits for in an epoch, to log them and to choose the best
-FOLDED = ("folding._wide", "folding._scaled")  # on the CPU, if the device has no float64
+FOLDED = ("devices.with_float64", "folding._scaled")  # on the CPU, if the device has no float64
 VOTED = Counter({("from", "vote.max_vote"): 1, ("wait", "vote.Vote.with_novelty"): 1})
 WEIGHTED = Counter({("wait", "statistics.FeatureStatistics.has_reach"): 2})
 PIECES = {"haptic": 2, "visual": 3, "fusion": 4}  # tensors of a batch, with the label
@@ -119,7 +125,7 @@ def test_it_trains_the_weights_that_the_cpu_trains(both):
 
 @pytest.mark.parametrize("kind", SENSES)
 def test_nothing_crosses_over_in_a_step_but_its_batch(counted, kind):
-    """Of a signal that is where it begins; the device holds the inputs."""
+    """Of recordings that is where its pieces begin; the device holds the inputs and the photos."""
     steps = [counts for what, counts in counted.crossings[kind] if what == "step"]
     batch = {("to", "datamodule.SurfaceData.transfer_batch_to_device"): PIECES[kind]}
     assert len(steps) == EPOCHS * STEPS
@@ -128,10 +134,10 @@ def test_nothing_crosses_over_in_a_step_but_its_batch(counted, kind):
 
 
 @pytest.mark.parametrize("kind", SENSES)
-def test_of_a_validated_sample_the_recordings_cross_over_and_a_signal_once(counted, kind):
+def test_recordings_of_a_validated_sample_cross_over_once(counted, kind):
     samples = [counts for what, counts in counted.crossings[kind] if what == "sample"]
     assert len(samples) == EPOCHS * len(CLASSES)
-    assert samples[1] == samples[2] == LABEL + READ[kind]
+    assert samples[1] == samples[2] == LABEL + FIRST[kind]
     assert samples[4] == samples[5] == LABEL + AGAIN[kind]
 
 
@@ -157,6 +163,30 @@ def test_for_a_label_the_recordings_and_the_scores_cross_over(counted, kind):
     with stand_in.noting() as counts:
         part.classify(**{name: given[name] for name in part.card.modalities})
     assert counts == VOTED + READ[kind] + (WEIGHTED if kind == "fusion" else Counter())
+
+
+@pytest.mark.parametrize("kind", SENSES)
+def test_in_a_test_run_nothing_crosses_over_but_for_its_labels(counted, kind, few, cache, tmp_path):
+    """A robustness test waits once for the scores of all samples."""
+    config = read_config(compose_config(["model=fusion", *few, f"data.cache_dir={cache}"]))
+    dataset = open_training(config, tmp_path)
+    part = counted.far.to(counted.device).with_senses(SENSES[kind])
+    samples = make_samples(dataset.parts(config.data).test, part.card.modalities)
+    read = READ[kind] + (WEIGHTED if kind == "fusion" else Counter())
+    with stand_in.noting() as counts:
+        run_test(part, samples, dataset.store)
+    count = len(samples) + min(len(samples), WARM_UP)
+    assert counts == times(count, VOTED + read)
+    perturbed = PerturbedDataset(10_000, seed=0)
+    perturbed.add((row for sample in samples for row in sample.recordings.values()), dataset.store)
+    fold = SystemFold(tmp_path, part, samples, dict.fromkeys(part.card.modalities, perturbed))
+    with stand_in.noting() as counts:
+        fold.labels(perturbations()["jpeg"], 3)
+    assert counts == times(len(samples), read) + Counter({("from", "devices.to_cpu"): 1})
+
+
+def times(count: int, counts: Counter) -> Counter:
+    return Counter({key: count * number for key, number in counts.items()})
 
 
 @pytest.fixture

@@ -1,11 +1,16 @@
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 import pytest
 import torch
 from conftest import ramp
+from PIL import Image
 from scipy import stats
 
 from tex_lightning.data import banks
 from tex_lightning.data.banks import InputBank, PhotoBank
+from tex_lightning.perturbations.table import Augmentation
 
 FIRST = np.array([0]), np.random.default_rng(0)
 
@@ -58,6 +63,38 @@ def test_crops_are_pieces_of_the_photo(photos):
         if torch.equal(photo[:, top : top + 230, left : left + 230], crop)
     ]
     assert len(places) == 1
+
+
+@pytest.mark.parametrize("side", [30, 230, 500])
+def test_a_device_that_holds_photos_cuts_the_same_crops(photos, second_device, tmp_path, side):
+    """Photos of several sizes; places and angles are all that is sent there."""
+    (row, *others), store = photos
+    small = replace(row, path=tmp_path / "small.png")
+    Image.open(row.path).crop((0, 0, 57, 41)).save(small.path)
+    bank = PhotoBank([others[0], small, others[1]], store, side, 30.0)
+    cut = partial(bank.cut, np.array([2, 1, 0, 1, 0]), share=slice(1, None))
+    near = cut(np.random.default_rng(0))
+    bank.hold(second_device)
+    far = cut(np.random.default_rng(0))
+    assert {key: x.shape for key, x in far.items()} == {"place": (4, 5), "degrees": (4,)}
+    found = bank.cut_there({key: x.to(second_device) for key, x in far.items()})
+    assert torch.equal(found["crop"].cpu(), near["crop"])
+    assert torch.equal(found["degrees"].cpu(), near["degrees"])
+
+
+def test_photos_that_do_not_fit_or_are_perturbed_are_not_held(photos, second_device, monkeypatch):
+    rows, store = photos
+    pixels = sum(store.load(row).nbytes for row in rows)
+    for room, names, held in (
+        (pixels, (), True),
+        (pixels - 1, (), False),
+        (pixels, ("jpeg",), False),
+    ):
+        monkeypatch.setattr(banks, "room", lambda _, room=room: room)
+        bank = PhotoBank(rows, store, 20, 0.0, Augmentation.of(names))
+        bank.hold(second_device)
+        assert (bank.held is not None) == held
+        assert ("place" if held else "crop") in bank.cut(*FIRST)
 
 
 def test_photos_too_small_are_mirrored_without_black(photos):

@@ -236,7 +236,7 @@ class SurfaceClassifier(nn.Module):
         """Decide on one sample; arguments are those of :meth:`logits`."""
         outputs = self.sense_outputs(**recordings)
         with computing_threads(1):
-            return self.vote(outputs, 0 if self.fusion is None else self.seed(**recordings))
+            return self.vote(outputs, self.seed(**recordings))
 
     def decide(self, logits: Tensor, temperature: float) -> Vote:
         """Decide by class scores (classes, fragments) with the card's rule."""
@@ -260,7 +260,7 @@ class SurfaceClassifier(nn.Module):
             self.partial_logits(name, recordings[sense.modality])
             for name, sense in self.senses.items()
         ]
-        return self.fuse(partials, 0 if self.fusion is None else self.seed(**recordings))
+        return self.fuse(partials, self.seed(**recordings))
 
     def sense_outputs(self, **recordings: Tensor) -> dict[str, SenseOutput]:
         """Compute scores and novelty by every sense; arguments are those of :meth:`logits`."""
@@ -300,7 +300,9 @@ class SurfaceClassifier(nn.Module):
         return vote if novelty is None else vote.with_novelty(novelty)
 
     def seed(self, **recordings: Tensor) -> int:
-        """Return the seed of the random choices for one sample of decoded recordings."""
+        """Return the seed of the random choices for one sample; 0 for a single sense."""
+        if self.fusion is None:
+            return 0
         arrays = (content(recordings[modality]) for modality in self.card.modalities)
         return content_seed(self.card.decision["seed"], *arrays)
 

@@ -3,7 +3,7 @@
 import ctypes
 import os
 import platform
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
@@ -82,6 +82,20 @@ def has_float64(device: torch.device) -> bool:
     except (TypeError, RuntimeError):
         return False
     return True
+
+
+def with_float64(x: torch.Tensor) -> torch.Tensor:
+    """Return a tensor where it can be computed with in float64: on its device, else on the CPU."""
+    return x if has_float64(x.device) else x.cpu()
+
+
+def to_cpu(tensors: Sequence[torch.Tensor]) -> list[torch.Tensor]:
+    """Copy tensors of one device to the CPU at once, since each copy makes the CPU wait."""
+    if not tensors or tensors[0].device.type == "cpu":
+        return [*tensors]
+    flat = torch.cat([x.flatten() for x in tensors]).cpu()
+    pieces = torch.split(flat, [x.numel() for x in tensors])
+    return [piece.view(x.shape) for piece, x in zip(pieces, tensors, strict=True)]
 
 
 def room(device: torch.device) -> int:

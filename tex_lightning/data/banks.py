@@ -87,10 +87,6 @@ class InputBank:
         if self.held is None and self.flat.nbytes <= room(device):
             self.held = self.flat.to(device)
 
-    def release(self) -> None:
-        """Undo :meth:`hold`."""
-        self.held = None
-
     def cut_there(self, pieces: dict[str, Tensor]) -> dict[str, Tensor]:
         """Cut the ``input`` on the device that holds the inputs, where ``start`` has to be too."""
         return pieces if self.held is None else {"input": self._at(self.held, pieces["start"])}
@@ -107,6 +103,7 @@ class PhotoBank:
 
     A crop is copied row by row out of a memory map, in a loop over the samples: for photos of any
     size that was faster than one indexing step over all of them, which needs an index per pixel.
+    A device that holds the photos (:meth:`hold`) cuts them in one such step.
 
     Attributes:
         recordings: Recordings of photos.
@@ -123,6 +120,8 @@ class PhotoBank:
     augmentation: Augmentation | None = None
     # opened on first use, each loader process its own
     maps: dict[int, Photo] = field(default_factory=dict, init=False)
+    shapes: list[tuple[int, int]] = field(default_factory=list, init=False)  # if they were held
+    held: Tensor | None = field(default=None, init=False)  # pixels (all, 3) of all photos
 
     def photo(self, index: int) -> Photo:
         """Return the memory map of a photo; finding it again costs more than copying a crop.
@@ -141,19 +140,56 @@ class PhotoBank:
         """Cut ``crop`` (batch, 3, side, side) uint8, and draw ``degrees`` (batch,) to rotate it by.
 
         Photos smaller than a crop are mirrored outwards. Random numbers are drawn for all
-        recordings, but only the ``share`` of this process is cut.
+        recordings, but only the ``share`` of this process is cut. If a device holds the photos,
+        ``place`` (batch, 5) is returned instead, for :meth:`cut_there`: the photo's first pixel,
+        height and width, and the crop's row and column.
         """
         places = [
-            (index, *random_corner(self.photo(index), self.side, rng)) for index in indices.tolist()
+            (index, *random_corner(self._shape(index), self.side, rng))
+            for index in indices.tolist()
         ][share]
         seeds: list[int | None] = [None] * len(indices)
         if self.augmentation is not None:
             seeds = rng.integers(1 << 63, size=len(indices)).tolist()  # of all, whoever cuts which
+        angles = rng.uniform(-self.rotation, self.rotation, len(indices))[share]
+        degrees = torch.from_numpy(angles).float()
+        if self.held is not None:
+            rows = [(self.starts[index], *self.shapes[index], *corner) for index, *corner in places]
+            return {"place": torch.tensor(rows), "degrees": degrees}
         crops = np.empty((len(places), 3, self.side, self.side), np.uint8)
         for planes, place, seed in zip(crops, places, seeds[share], strict=True):
             cv2.split(self._crop(*place, seed), list(planes))  # the fastest way to copy them apart
-        degrees = rng.uniform(-self.rotation, self.rotation, len(indices))[share]
-        return {"crop": torch.from_numpy(crops), "degrees": torch.from_numpy(degrees).float()}
+        return {"crop": torch.from_numpy(crops), "degrees": degrees}
+
+    def hold(self, device: torch.device) -> None:
+        """Copy the photos to a device, if it has :func:`room` for them.
+
+        Those that are perturbed are not held, since they are perturbed on the CPU.
+        """
+        if self.held is not None or self.augmentation is not None:
+            return
+        self.shapes = [self.photo(index).shape[:2] for index in range(len(self.recordings))]
+        pixels = [height * width for height, width in self.shapes]
+        if 3 * sum(pixels) <= room(device):
+            held = torch.empty(sum(pixels), 3, dtype=torch.uint8, device=device)
+            for index, part in enumerate(torch.split(held, pixels)):
+                part.copy_(torch.from_numpy(np.array(self.photo(index))).flatten(0, 1))
+            self.starts, self.held = np.cumsum([0, *pixels]).tolist(), held
+            self.maps.clear()
+
+    def cut_there(self, pieces: dict[str, Tensor]) -> dict[str, Tensor]:
+        """Cut the ``crop`` on the device that holds the photos, where ``place`` has to be too."""
+        if self.held is None:
+            return pieces
+        start, height, width, top, left = pieces["place"].T[:, :, None]  # (batch, 1) each
+        side = torch.arange(self.side, device=start.device)
+        rows, columns = _reflected(top + side, height), _reflected(left + side, width)
+        pixels = (start + rows * width)[:, :, None] + columns[:, None]
+        return {"crop": self.held[pixels].movedim(-1, 1), "degrees": pieces["degrees"]}
+
+    def _shape(self, index: int) -> tuple[int, ...]:
+        """Return height and width of a photo, without opening it if they are known."""
+        return self.shapes[index] if self.shapes else self.photo(index).shape[:2]
 
     def _crop(self, index: int, top: int, left: int, seed: int | None) -> npt.NDArray[np.uint8]:
         """Return one crop (side, side, 3), changed if there is a seed."""
@@ -174,10 +210,22 @@ def _at_least(inputs: Tensor, frames: int) -> Tensor:
     return inputs.repeat(*[1] * (inputs.dim() - 1), times)
 
 
-def random_corner(photo: Photo, side: int, rng: np.random.Generator) -> tuple[int, int]:
-    """Return row and column where a piece of ``side`` begins; 0 where the photo is smaller."""
-    top, left = (int(rng.integers(0, max(0, length - side) + 1)) for length in photo.shape[:2])
+def random_corner(shape: tuple[int, ...], side: int, rng: np.random.Generator) -> tuple[int, int]:
+    """Return row and column where a piece of ``side`` begins; 0 where the photo is smaller.
+
+    Args:
+        shape: Height and width of the photo, and perhaps more.
+        side: Side of the piece.
+        rng: Generator that draws them.
+    """
+    top, left = (int(rng.integers(0, max(0, length - side) + 1)) for length in shape[:2])
     return top, left
+
+
+def _reflected(places: Tensor, length: Tensor) -> Tensor:
+    """Return the rows or columns of a photo at places of what is :func:`mirrored` outwards."""
+    places = places % (2 * length)
+    return torch.minimum(places, 2 * length - 1 - places)
 
 
 def mirrored(piece: npt.NDArray[np.uint8], side: int) -> npt.NDArray[np.uint8]:

@@ -13,7 +13,7 @@ import torch
 from lightning import LightningDataModule
 from torch.utils.data import DataLoader, Dataset, Sampler
 
-from tex_lightning.data.banks import WHOLE, Bank, Indices, InputBank
+from tex_lightning.data.banks import WHOLE, Bank, Indices
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import class_indices
 from tex_lightning.data.store import Store, load_sample
@@ -141,11 +141,11 @@ class SurfaceData(LightningDataModule):
     def train_dataloader(self) -> DataLoader[Batch]:
         """Return a loader of one epoch, with this process's share of each batch.
 
-        Network inputs are copied to a device other than the CPU if it has room for them, unless
-        other processes make the batches.
+        Network inputs and photos are copied to a device other than the CPU if it has room for
+        them, unless other processes make the batches.
         """
         if self._device.type != "cpu" and self.num_workers == 0:
-            for bank in self._input_banks.values():
+            for bank, _ in self.batches.banks.values():
                 bank.hold(self._device)
         return DataLoader(
             replace(self.batches, share=self._share()),
@@ -157,15 +157,10 @@ class SurfaceData(LightningDataModule):
             pin_memory=self._feeds_cuda(),
         )
 
-    @property
-    def _input_banks(self) -> dict[str, InputBank]:
-        banks = self.batches.banks.items()
-        return {name: bank for name, (bank, _) in banks if isinstance(bank, InputBank)}
-
     def teardown(self, stage: str) -> None:
         """Release what the device holds."""
-        for bank in self._input_banks.values():
-            bank.release()
+        for bank, _ in self.batches.banks.values():
+            bank.held = None
 
     def _current_epoch(self) -> int:
         # `trainer.current_epoch` is corrected only after a resumed run's first batch is fetched
@@ -191,7 +186,7 @@ class SurfaceData(LightningDataModule):
     def transfer_batch_to_device(
         self, batch: Batch, device: torch.device, dataloader_idx: int
     ) -> Batch:
-        """Move a batch to the device, and cut there the inputs that the device holds.
+        """Move a batch to the device, and cut there what the device holds.
 
         A validation sample stays on the CPU, where it seeds the tuples of a fusion and a large
         photo is divided into tiles, as in testing.
@@ -199,7 +194,8 @@ class SurfaceData(LightningDataModule):
         if self.trainer is not None and self.trainer.validating:
             return batch
         moved: Batch = super().transfer_batch_to_device(batch, device, dataloader_idx)
-        cut = {name: bank.cut_there(moved[name]) for name, bank in self._input_banks.items()}
+        banks = self.batches.banks.items()
+        cut = {name: bank.cut_there(moved[name]) for name, (bank, _) in banks}
         return {**moved, **cut}
 
     def val_dataloader(self) -> DataLoader[Batch] | list[Any]:

@@ -15,6 +15,7 @@ from torchmetrics.functional.classification import binary_calibration_error
 
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.vote import RULES
+from tex_lightning.core.devices import to_cpu
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import class_indices
 from tex_lightning.evaluation.outcomes import Outcome
@@ -94,7 +95,7 @@ def sample_loss(
         temperature: Divisor of the scores before the softmax.
     """
     labels = class_indices([sample.label for sample in samples], card.classes)
-    votes = [RULES[card.rule](logits, temperature) for logits in scores]
+    votes = [RULES[card.rule](logits, temperature) for logits in to_cpu(scores)]
     likely = [vote.probabilities[label] for vote, label in zip(votes, labels, strict=True)]
     return float(-torch.stack(likely).clamp_min(IMPROBABLE).log().mean())
 

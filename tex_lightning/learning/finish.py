@@ -15,6 +15,7 @@ from tex_lightning.classifier.card import NOVELTIES, Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics, TrainingRows
 from tex_lightning.config import EngineConfig
+from tex_lightning.core.devices import to_cpu
 from tex_lightning.core.groups import leave_out
 from tex_lightning.core.progress import track
 from tex_lightning.data.banks import Bank, InputBank
@@ -75,7 +76,7 @@ def set_statistics(
             features = _texture_features(classifier, fast, name, recordings, store)
         else:
             positions = position_features(fast, name, recordings, store, banks.get(name))
-            features = torch.stack([embedding.mean(dim=1) for embedding in positions])
+            features = torch.stack([embedding.mean(dim=1) for embedding in positions]).cpu()
         if not bool((features.abs() < MAX_FEATURE).all()):  # false for NaN
             raise UserError(
                 f"Training of the {name} network diverged, its features are NaN or too large to "
@@ -177,7 +178,7 @@ def position_features(
     store: Store,
     bank: Bank | None = None,
 ) -> Iterator[Tensor]:
-    """Yield features (D, positions) of one sense, on the CPU, of each recording.
+    """Yield features (D, positions) of one sense, on the device that computes, of each recording.
 
     Args:
         classifier: In evaluation mode.
@@ -190,10 +191,10 @@ def position_features(
     inputs = bank.inputs if isinstance(bank, InputBank) and bank.as_given else None
     for number, row in enumerate(track(rows, f"Statistics of {plural(modality)}")):
         if inputs is None:
-            yield classifier.embedding(name, load_recording(row, store)).cpu()
+            yield classifier.embedding(name, load_recording(row, store))
         else:
             x = inputs[number][None].to(classifier.device)
-            yield classifier.embedding_of_input(name, x).cpu()
+            yield classifier.embedding_of_input(name, x)
 
 
 @torch.inference_mode()
@@ -228,13 +229,14 @@ def calibrate(
     for sample in samples:
         recordings = load_sample(sample, store)
         outputs = fast.sense_outputs(**recordings).values()
-        seed = 0 if fast.fusion is None else fast.seed(**recordings)
-        scores.append(fast.fuse([output.partial_logits for output in outputs], seed))
-        validated.append([float(cast(Tensor, output.novelty)) for output in outputs])
+        partials = [output.partial_logits for output in outputs]
+        scores.append(fast.fuse(partials, fast.seed(**recordings)))
+        validated.append(torch.stack([cast(Tensor, output.novelty) for output in outputs]))
     # such scores are calibrated on all training recordings, which is better than on a few samples
     fitted = any(left_out.values()) and fits_probabilities(classifier)
     calibration, loss = _calibrated(card, samples, scores, loss, fitted=fitted)
-    if classifier.statistics and (rows := [*_left_out(left_out, classifier, parts), *validated]):
+    known = [x.tolist() for x in to_cpu(validated)]
+    if classifier.statistics and (rows := [*_left_out(left_out, classifier, parts), *known]):
         columns = zip(card.sense_names, map(list, zip(*rows, strict=True)), strict=True)
         calibration[NOVELTIES] = dict(columns)
     return calibration, loss

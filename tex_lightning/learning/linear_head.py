@@ -188,7 +188,7 @@ def _view(
     """Return a view of a photo, and its top left corner; of a large photo it is a random crop."""
     photo, side = photos.photo(index), module.fit_config["probe"]["side"]
     rng = np.random.default_rng([content_seed(module.seed, photo), part])
-    top, left = random_corner(photo, side, rng)
+    top, left = random_corner(photo.shape, side, rng)
     view = np.array(photo[top : top + side, left : left + side])
     if photos.augmentation is not None:
         view = photos.augmentation(view, rng)

@@ -7,10 +7,11 @@ from torch import Tensor, nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
+from tex_lightning.core.devices import room, to_cpu
 from tex_lightning.inference.engine import accelerate
 
 MAX_UNDECIDED = 1 << 24  # scores that wait for their decision, 64 MB in float32
-MAX_INPUTS = 1 << 28  # bytes of the network inputs that are kept
+MAX_INPUTS = 1 << 28  # bytes of the network inputs that are kept on the CPU
 
 
 class Validation:
@@ -48,24 +49,26 @@ class Validation:
             x = self._input(name, recordings[sense.modality], number)
             embedding = self.fast.embedding_of_input(name, x)
             partials.append(self.fast.output_of(name, embedding).partial_logits)
-        seed = 0 if self.fast.fusion is None else self.fast.seed(**recordings)
-        scores = self.fast.fuse(partials, seed)
+        scores = self.fast.fuse(partials, self.fast.seed(**recordings))
         self.scores.append(scores.detach())
         self.labels.append(label)
         self.waiting += scores.numel()
         return scores
 
     def _input(self, name: str, recording: Tensor, number: int) -> Tensor:
-        """Return the network input of a recording; that of a signal is computed once and kept.
+        """Return the input of a recording, on the device; that of a signal is computed once.
 
         Training changes no features of this package, and its networks do not write to their input.
-        The input of a photo is not kept, since it takes four times the memory of the photo.
+        Pixels of a photo are kept on another device than the CPU, which reads them from the cache.
         """
         if (name, number) in self.inputs:
             return self.inputs[name, number]
-        sense = self.fast.senses[name]
-        x = sense.dense_input(recording)
-        if sense.medium == "signal" and sense.is_builtin and self.bytes + x.nbytes <= MAX_INPUTS:
+        sense, device = self.fast.senses[name], self.fast.device
+        x = sense.dense_input(recording).to(device)
+        near = device.type == "cpu"
+        most = MAX_INPUTS if near else room(device)
+        kept = sense.is_builtin and not (near and sense.medium == "photo")
+        if kept and self.bytes + x.nbytes <= most:
             self.inputs[name, number] = x
             self.bytes += x.nbytes
         return x
@@ -82,13 +85,9 @@ class Validation:
             Predicted and true classes of fragments (2, fragments) and of samples (2, samples), on
             the device of the scores.
         """
-        device, shapes = self.scores[0].device, [scores.shape for scores in self.scores]
-        flat = torch.cat([scores.flatten() for scores in self.scores]).cpu()
-        pieces = torch.split(flat, [shape.numel() for shape in shapes])
-        fragments, samples = [], []
-        for piece, shape, label in zip(pieces, shapes, self.labels, strict=True):
-            decided = _finite(piece.view(shape), label)
-            vote = self.fast.decide(decided, self.fast.card.temperature)
+        device, fragments, samples = self.scores[0].device, [], []
+        for scores, label in zip(to_cpu(self.scores), self.labels, strict=True):
+            vote = self.fast.decide(_finite(scores, label), self.fast.card.temperature)
             fragments.append(torch.stack([vote.fragments, label.expand_as(vote.fragments)]))
             samples.append(torch.stack([torch.full_like(label, vote.label), label]))
         self.scores, self.labels, self.waiting = [], [], 0

@@ -8,6 +8,7 @@ import scipy  # whose parts are loaded when they are used
 import torch
 from torch import Tensor
 
+from tex_lightning.core.devices import with_float64
 from tex_lightning.networks.ridge import (
     Products,
     Ridge,
@@ -380,13 +381,15 @@ def fit_temperature(logits: Sequence[Tensor], labels: Sequence[int]) -> float:
     Returns:
         From 0.1 to 10.
     """
+    logits = [with_float64(scores) for scores in logits]
     classes, count = len(logits[0]), len(labels)
     rest = 1 / (count + 2)
     target = torch.full((count, classes), rest / (classes - 1), dtype=torch.float64)
     target[torch.arange(count), torch.tensor(labels)] = 1 - rest
+    target = target.to(logits[0].device)
 
     def loss(log_temperature: float) -> float:
-        scaled = [(scores.cpu().double() / 10**log_temperature).softmax(dim=0) for scores in logits]
+        scaled = [(scores.double() / 10**log_temperature).softmax(dim=0) for scores in logits]
         means = [shares.sum(dim=1) / shares.shape[1] for shares in scaled]
         return float(-(target * torch.stack(means).clamp_min(1e-300).log()).sum() / count)
 

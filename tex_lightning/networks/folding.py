@@ -13,7 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.core.devices import has_float64
+from tex_lightning.core.devices import with_float64
 from tex_lightning.networks.blocks import ResponseNorm, SameConv2d
 
 PIECE = 1 << 18  # elements; with two float32 buffers of this size the cache is not exceeded
@@ -155,7 +155,7 @@ def _affine(norm: Any) -> tuple[Tensor, Tensor]:  # noqa: ANN401
 
 def _wide(x: Tensor) -> Tensor:
     """Return a tensor in float64, on the CPU if its device has none."""
-    return x.double() if has_float64(x.device) else x.cpu().double()
+    return with_float64(x).double()
 
 
 @torch.no_grad()

@@ -21,7 +21,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, StabilityConfig
 from tex_lightning.config.keys import choice
 from tex_lightning.config.model import FUSION, kind_of
-from tex_lightning.core.devices import pick_device
+from tex_lightning.core.devices import pick_device, to_cpu
 from tex_lightning.core.run_folder import SUFFIX
 from tex_lightning.data.decode import Decoder
 from tex_lightning.data.folds import Sample, make_samples
@@ -110,14 +110,21 @@ class SystemFold:
     _perturbed: dict[tuple[str, Recording], Tensor] = field(default_factory=dict)
 
     def labels(self, perturbation: Perturbation | None = None, severity: float = 0) -> Labels:
-        """Return the labels of the samples, clean or perturbed; None for an unusable one."""
+        """Return the labels of the samples, clean or perturbed; None for an unusable one.
+
+        The CPU waits for the scores of all of them at once.
+        """
         self._perturbed = {}
-        return [self._label(sample, perturbation, severity) for sample in self.samples]
+        scores = [self._scores(sample, perturbation, severity) for sample in self.samples]
+        usable = iter(to_cpu([x for x in scores if x is not None]))
+        decide, temperature = self.classifier.decide, self.classifier.card.temperature
+        return [None if x is None else decide(next(usable), temperature).label for x in scores]
 
     @torch.inference_mode()
-    def _label(
+    def _scores(
         self, sample: Sample, perturbation: Perturbation | None, severity: float
-    ) -> int | None:
+    ) -> Tensor | None:
+        """Return the class scores of a sample; None for an unusable one."""
         classifier, recordings, partials = self.classifier, {}, []
         for name, sense in classifier.senses.items():
             row, known = sample.recordings[sense.modality], self._clean
@@ -132,8 +139,7 @@ class SystemFold:
                     return None
                 known[name, row] = scores
             partials.append(known[name, row])
-        scores = classifier.fuse(partials, classifier.seed(**recordings))
-        return classifier.decide(scores, classifier.card.temperature).label
+        return classifier.fuse(partials, classifier.seed(**recordings))
 
     def _recording(
         self, row: Recording, perturbation: Perturbation | None, severity: float

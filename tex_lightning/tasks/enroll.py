@@ -108,7 +108,7 @@ def enroll(classifier: SurfaceClassifier, dataset: Dataset) -> SurfaceClassifier
     features = {}
     for name, sense in classifier.senses.items():
         recordings = rows.of(sense.modality).rows
-        embeddings = list(position_features(classifier, name, recordings, store))
+        embeddings = [x.cpu() for x in position_features(classifier, name, recordings, store)]
         pairs = list(zip(recordings, embeddings, strict=True))
         features[name] = [
             [embedding for row, embedding in pairs if row.label == label]

@@ -11,7 +11,6 @@ from typing import Any
 from torch import Tensor
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import print_line, say
@@ -35,8 +34,7 @@ def run(config: Config, job: Job) -> None:
     Raises:
         UserError: At the end, naming the samples that could not be classified.
     """
-    classifier = load_classifier(str(config.checkpoint))
-    predictor = Predictor(classifier, _for_one(classifier, config))
+    predictor = Predictor(load_classifier(str(config.checkpoint)), _for_one(config))
     predictor.check_senses(config.files)
     samples = match_files({name: find_files(name, value) for name, value in config.files.items()})
     if config.adapt:
@@ -58,15 +56,14 @@ def run(config: Config, job: Job) -> None:
         raise UserError(count, *failures)
 
 
-def _for_one(classifier: SurfaceClassifier, config: Config) -> Config:
-    """Return the settings with the CPU for one signal, unless another device was chosen.
+def _for_one(config: Config) -> Config:
+    """Return the settings with the CPU for one sample, unless another device was chosen.
 
-    A label of a signal takes some milliseconds, less than a GPU takes to start.
+    Its label takes less time there than a GPU takes to start.
     """
-    files = {name: value for name, value in config.files.items() if value is not None}
-    signals = {x.modality for x in classifier.senses.values() if x.medium == "signal"}
-    single = all(is_file(Path(str(value)).expanduser()) for value in files.values())
-    if config.trainer.accelerator != "auto" or not single or not signals.issuperset(files):
+    files = [value for value in config.files.values() if value is not None]
+    single = all(is_file(Path(str(value)).expanduser()) for value in files)
+    if config.trainer.accelerator != "auto" or not single:
         return config
     return replace(config, trainer=replace(config.trainer, accelerator="cpu"))
 
