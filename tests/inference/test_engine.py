@@ -97,6 +97,31 @@ def test_the_original_is_left_alone_and_the_type_is_kept():
     assert all(torch.equal(before[key], value) for key, value in model.state_dict().items())
 
 
+@pytest.mark.parametrize("signs", [(1, 1), (-1, 1), (1, -1)])
+@pytest.mark.parametrize(
+    ("kind", "norm"), [("haptic", "batch"), ("fusion", "batch"), ("fusion", "lrn")]
+)
+def test_a_copy_that_takes_later_weights_is_one_made_anew(kind, norm, signs):
+    """It stays, but where a normalisation behind a maximum can be folded no longer."""
+    model, (before, after) = classifier(kind, norm), signs
+    norms = [module.weight for module in model.modules() if isinstance(module, nn.BatchNorm2d)]
+    for weight in norms:
+        weight.copy_(before * weight.abs())
+    earlier = accelerate(model, DEFAULT)
+    for values in model.state_dict().values():
+        values.copy_(1.1 * values)
+    for weight in norms:
+        weight.copy_(after * weight.abs())
+    expected, found = accelerate(model, DEFAULT), accelerate(model, DEFAULT, earlier)
+    assert (found is earlier) == (after == 1 or not norms)
+    assert str(found) == str(expected)
+    state = expected.state_dict()
+    assert found.state_dict().keys() == state.keys()
+    assert all(torch.equal(values, state[name]) for name, values in found.state_dict().items())
+    assert torch.equal(found.logits(**inputs()), expected.logits(**inputs()))
+    assert not any(x.requires_grad for x in found.parameters())
+
+
 (LAYER,) = published("lrn")
 
 

@@ -44,7 +44,6 @@ def epoch(validation: Validation, model: SurfaceClassifier) -> Iterator[torch.Te
             yield from validation.decide()
     if validation.scores:
         yield from validation.decide()
-    validation.end()
 
 
 @pytest.mark.parametrize("limit", [1, 1 << 24])

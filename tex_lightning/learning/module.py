@@ -220,7 +220,6 @@ class SurfaceModule(LightningModule):
         """Log the accuracies in one call: Lightning traverses a metric's state in each."""
         if self.validation.scores:
             self._count_decisions()
-        self.validation.end()
         self.log("val/fragment_accuracy", self.fragment_accuracy, prog_bar=True)
         self.log("val/vote_accuracy", self.vote_accuracy, prog_bar=True)
 

@@ -31,7 +31,9 @@ class Validation:
 
     def begin(self, classifier: SurfaceClassifier) -> None:
         """Begin an epoch with the weights that a classifier has now."""
-        self.fast = classifier if self.engine is None else accelerate(classifier, self.engine)
+        earlier = getattr(self, "fast", None)  # takes these weights
+        engine = self.engine
+        self.fast = classifier if engine is None else accelerate(classifier, engine, earlier)
         self.scores: list[Tensor] = []
         self.labels: list[Tensor] = []
         self.waiting = 0
@@ -92,10 +94,6 @@ class Validation:
             samples.append(torch.stack([torch.full_like(label, vote.label), label]))
         self.scores, self.labels, self.waiting = [], [], 0
         return torch.cat(fragments, dim=1).to(device), torch.stack(samples, dim=1).to(device)
-
-    def end(self) -> None:
-        """Delete the accelerated copy."""
-        del self.fast
 
 
 def _finite(scores: Tensor, label: Tensor) -> Tensor:

@@ -67,7 +67,7 @@ class FastResponseNorm(nn.Module):
         return pixels.permute(0, 3, 1, 2)
 
 
-def fold_batch_norm(network: nn.Module) -> int:
+def fold_batch_norm(network: nn.Module, source: nn.Module | None = None) -> int:
     """Make batch normalisation part of the convolution before it, wherever that is exact.
 
     The two stand next to each other in a plain ``nn.Sequential``, are used nowhere else, and the
@@ -77,23 +77,25 @@ def fold_batch_norm(network: nn.Module) -> int:
 
     Args:
         network: In evaluation mode; it is changed.
+        source: The network whose weights are folded into ``network``, a copy of it that may be
+            folded already; None folds its own.
 
     Returns:
         Number of normalisations that are folded.
     """
-    uses, folded = _uses(network), 0
-    for layers in sequences(network):
-        names = list(layers._modules)
-        for place, name in enumerate(names):
-            before = place - 2 if place and type(layers[place - 1]) is nn.MaxPool2d else place - 1
-            if before < 0 or not _foldable(layers[before], layers[place]):
+    source = network if source is None else source
+    uses, folded = _uses(source), 0
+    for layers, given in zip(sequences(network), sequences(source), strict=True):
+        for place, name in enumerate(list(given._modules)):
+            before = place - 2 if place and type(given[place - 1]) is nn.MaxPool2d else place - 1
+            if before < 0 or not _foldable(given[before], given[place]):
                 continue
-            pattern = [layers[index] for index in range(before, place + 1)]
+            pattern = [given[index] for index in range(before, place + 1)]
             scale, shift = _affine(pattern[-1])
             if all(uses[id(part)] == 1 for part in _parts(pattern[0], pattern[-1])) and (
                 len(pattern) == 2 or _commutes(pattern[1], scale)
             ):
-                layers[before] = _scaled(pattern[0], scale, shift)
+                _scale(pattern[0], scale, shift, layers[before])
                 setattr(layers, name, nn.Identity())
                 folded += 1
     return folded
@@ -159,10 +161,8 @@ def _wide(x: Tensor) -> Tensor:
 
 
 @torch.no_grad()
-def _scaled(conv: Any, scale: Tensor, shift: Tensor) -> nn.Conv2d:  # noqa: ANN401
-    """Return a convolution that gives ``scale * conv(x) + shift``."""
+def _scale(conv: Any, scale: Tensor, shift: Tensor, folded: Any) -> None:  # noqa: ANN401
+    """Let a convolution like ``conv``, or itself, give ``scale * conv(x) + shift``."""
     bias = shift if conv.bias is None else shift + scale * _wide(conv.bias)
-    conv.weight.copy_(_wide(conv.weight) * scale[:, None, None, None])
-    conv.bias = nn.Parameter(bias.to(conv.weight), requires_grad=False)
-    layer: nn.Conv2d = conv
-    return layer
+    folded.weight.copy_(_wide(conv.weight) * scale[:, None, None, None])
+    folded.bias = nn.Parameter(bias.to(conv.weight), requires_grad=False)
