@@ -19,10 +19,6 @@ NESTED = ("struct", "cell", "object", "opaque", "function")  # of SciPy's names 
 def read_archive(path: Path, most: int) -> tuple[np.ndarray[Any, Any], float | None]:
     """Return the samples of the only signal in an archive, and their rate in Hz if it has it.
 
-    Args:
-        path: The file.
-        most: Largest number of samples.
-
     Raises:
         ValueError: If it has none or several, or is damaged.
     """

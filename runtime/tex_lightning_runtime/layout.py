@@ -77,9 +77,6 @@ class Layout:
 def find_layout(content: bytes) -> tuple[bytes, Layout]:
     """Return the lines of numbers and how they are written.
 
-    Args:
-        content: Plain text.
-
     Raises:
         TableError: If there are no numbers, or what they mean is in doubt.
     """

@@ -41,11 +41,6 @@ WHERE = "model.baseline"
 def make_baseline(name: str, node: Mapping[str, Any], budget: float) -> "Baseline":
     """Return a baseline that is not fitted yet.
 
-    Args:
-        name: Name of the model, for messages.
-        node: ``model.baseline``.
-        budget: ``model.budget``.
-
     Raises:
         UserError: If a library is missing, or a key is unknown or of the wrong type.
     """

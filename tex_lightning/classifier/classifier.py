@@ -330,10 +330,6 @@ class SurfaceClassifier(nn.Module):
 
         They are those of FC2, whatever layer is fused. A network without a ``score_layer`` has no
         such layer; its class scores take their place.
-
-        Args:
-            name: Name of the sense.
-            recording: Decoded recording.
         """
         return self.senses[name].positions(recording, self.embedding_layer(name))
 

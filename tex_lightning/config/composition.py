@@ -30,9 +30,6 @@ NAME = "config"
 def compose_config(overrides: Sequence[str] = ()) -> DictConfig:
     """Return the configuration as a command line composes it.
 
-    Args:
-        overrides: Such as ``model=haptic``.
-
     Raises:
         HydraException: If an override is wrong.
     """

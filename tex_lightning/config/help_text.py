@@ -55,9 +55,6 @@ def asks(arguments: Sequence[str]) -> bool:
 def answer(arguments: Sequence[str]) -> str:
     """Return the text that a command line asks for.
 
-    Args:
-        arguments: The command line after the program's name.
-
     Raises:
         HydraException: If an override is wrong.
     """

@@ -185,10 +185,6 @@ def trusted_class(where: str, node: Mapping[str, Any]) -> type[Any]:
     A trusted package cannot lend its name: the class has to be defined in it, so that a path
     through what a module imported leads nowhere.
 
-    Args:
-        where: Key of the node, for the message.
-        node: A part of the card.
-
     Raises:
         UserError: If the class is not trusted; nothing of its package was imported.
     """

@@ -91,12 +91,7 @@ def explain(error: Exception) -> UserError:
 
 
 def unknown_key(key: str, config: DictConfig) -> UserError:
-    """Return the error for a key that there is not.
-
-    Args:
-        key: Dotted name of the key.
-        config: Configuration composed without the key.
-    """
+    """Return the error for a key that there is not."""
     near = " or ".join(_near_keys(key, config))
     return UserError(
         f"There is no key {shorten(key)}{near and f' (did you mean {near}?)'}; "

@@ -64,10 +64,6 @@ def making(key: str, target: str) -> Iterator[None]:
 
     What a user's class raises keeps its traceback.
 
-    Args:
-        key: Key of the class in the configuration.
-        target: Dotted path of the class.
-
     Raises:
         UserError: If a class of this package or of a library that it builds on fails.
     """
@@ -95,10 +91,6 @@ def _innermost(error: Exception) -> Exception:
 
 def resolve(key: str, target: str) -> Any:  # noqa: ANN401
     """Return the object of a dotted path; exceptions of its module keep their traceback.
-
-    Args:
-        key: Key that names the class.
-        target: The path.
 
     Raises:
         UserError: If there is nothing of this name.

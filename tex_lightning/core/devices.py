@@ -158,9 +158,6 @@ def count_processes(trainer: "TrainerConfig") -> int:
 def check_started(processes: int) -> None:
     """Reject a training for which another number of processes was started than train together.
 
-    Args:
-        processes: Number of processes that train together.
-
     Raises:
         UserError: With the way to start them.
     """

@@ -48,11 +48,6 @@ def derive_settings(
 ) -> tuple[Config, DictConfig, Job]:
     """Add the settings that follow from the user's recordings, as overrides of the job.
 
-    Args:
-        config: The configuration, checked.
-        composed: The configuration as Hydra composed it.
-        job: The job.
-
     Returns:
         All three with the added overrides.
 
@@ -83,12 +78,6 @@ def _recomposed(composed: DictConfig, job: Job, derived: Job) -> DictConfig:
 @keeping_traces()
 def with_derived(task: str, data: DataConfig, model: ModelConfig, job: Job) -> Job:
     """Return the job with the overrides that follow from the user's recordings.
-
-    Args:
-        task: Task of the job.
-        data: Where recordings come from.
-        model: Model to train.
-        job: Job with the user's overrides.
 
     Raises:
         UserError: If the data set cannot be read.

@@ -49,10 +49,6 @@ def is_tested(row: Recording, where: Mapping[str, Any]) -> bool | None:
 def check_conditions(recordings: Recordings, where: Mapping[str, Any]) -> None:
     """Make sure that the recordings can be divided by ``data.test_where``.
 
-    Args:
-        recordings: The recordings of all senses in use.
-        where: The tested value or values by condition.
-
     Raises:
         UserError: If no recording has such a condition or value, or only some of a sense have it.
     """

@@ -191,9 +191,6 @@ def class_metrics(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     A class without test samples has no recall, and counts for none of the means. The first class of
     a sample is its label, the others follow by their mean probability.
 
-    Args:
-        outcomes: Outcomes of samples.
-
     Returns:
         ``balanced_accuracy``, the mean recall; ``macro_f1``; ``recall`` by class;
         ``top_k_accuracy`` by k, of those below the number of classes. Of no samples the means are

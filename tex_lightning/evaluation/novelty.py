@@ -25,14 +25,6 @@ def report_unknown(
 ) -> dict[str, Any]:
     """Classify samples of held-out classes as the test classified the others, and compare.
 
-    Args:
-        classifier: Classifier with its decision rule.
-        samples: Samples of the held-out classes.
-        store: Their recordings.
-        directory: The run folder.
-        known: Outcomes of the other classes.
-        fold: Fold that was tested.
-
     Returns:
         ``unknown`` of ``results.json``; nothing where there are no such samples and
         ``decision.unknown`` is not set.

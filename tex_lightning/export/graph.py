@@ -84,12 +84,7 @@ class BandedResponseNorm(nn.Module):
 
 
 def exportable(sense: Sense, levels: Collection[Level]) -> nn.Module:
-    """Copy a sense's network without batch normalisation and with layers that can be traced.
-
-    Args:
-        sense: Sense, which is left as it is.
-        levels: Levels at which the network is used.
-    """
+    """Copy a sense's network without batch normalisation and with layers that can be traced."""
     copied = independent_copy(sense).cpu().float().eval().requires_grad_(False)
     return rewritten(copied, levels, (_make_traceable,))
 

@@ -27,10 +27,6 @@ def page_files(metadata: Mapping[str, Any], runtime: Mapping[str, bytes]) -> dic
     """Return the files of the page around the network ``KIND.onnx``, by their paths in its folder.
 
     Every input of that file has to be given: ONNX Runtime Web takes none that has a default.
-
-    Args:
-        metadata: Metadata of the exported file.
-        runtime: Files of ONNX Runtime Web by name.
     """
     sources = files("tex_lightning.export").joinpath("web")
     content = {

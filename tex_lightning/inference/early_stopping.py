@@ -46,11 +46,6 @@ def make_inference_model(
 ) -> Decider:
     """Prepare a classifier for tests: accelerated, with the configured decision.
 
-    Args:
-        classifier: Trained classifier; it is not changed.
-        engine: Settings of the accelerated copy.
-        decision: Threshold of unknown recordings, early stopping.
-
     Raises:
         UserError: If a baseline is to decide sequentially.
     """

@@ -99,9 +99,6 @@ class ResampledSignal(LiveSignal):
         The end of a resampled signal depends on samples that are still to come. It is computed as
         if the signal ended here, and returned again, changed, by the next call.
 
-        Args:
-            samples: Samples as :meth:`push` takes them.
-
         Returns:
             New samples (axes, samples) that are final; the preliminary ones after them; the quality
             of all samples so far.

@@ -112,12 +112,7 @@ def adapt(
 def sample_features(
     classifier: SurfaceClassifier, samples: Iterable[Mapping[str, tuple[Tensor, object]]]
 ) -> Iterator[Tensor]:
-    """Yield features (D, positions) of decoded samples by the only sense of a classifier.
-
-    Args:
-        classifier: In evaluation mode.
-        samples: What :meth:`.Predictor.decoded` returns for each.
-    """
+    """Yield features (D, positions) of decoded samples by the only sense of a classifier."""
     ((name, sense),) = classifier.senses.items()
     for decoded in samples:
         yield classifier.embedding(name, decoded[sense.modality][0])
@@ -350,12 +345,6 @@ def _replace(classifier: SurfaceClassifier, name: str, student: _Student, lesson
     """Put a refitted network into a classifier, with what its checkpoint keeps.
 
     The rows stay those of the training, whose labels are known.
-
-    Args:
-        classifier: A copy, which is changed.
-        name: Its sense.
-        student: The recordings.
-        lesson: The network, and what it was taught.
     """
     network, labels = lesson.network, lesson.labels
     taught = labels >= 0

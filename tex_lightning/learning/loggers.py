@@ -213,14 +213,7 @@ def log_test(
 
 
 def trial_settings(directory: Path, model: str, data: str, network: str) -> dict[str, Setting]:
-    """Return the settings by which TensorBoard compares trainings: those that the user chose.
-
-    Args:
-        directory: The run folder.
-        model: Name of the model.
-        data: Name of the data set.
-        network: Name of the network.
-    """
+    """Return the settings by which TensorBoard compares trainings: those that the user chose."""
     chosen = chosen_settings(typed_overrides(directory), swept_keys(directory))
     return {"network": network, "model": model, "data": data, **chosen}
 

@@ -200,13 +200,7 @@ def as_trained(data: DataConfig, card: Card) -> DataConfig:
 
 
 def is_training_data(rows: Recordings, division: Folding, card: Card) -> bool:
-    """Return whether a data set is that of a training: most of its training part was trained on.
-
-    Args:
-        rows: The data set.
-        division: Division of the training (:func:`as_trained`).
-        card: Card of the checkpoint.
-    """
+    """Return whether a data set is that of a training: most of its training part was trained on."""
     parts = split(rows, division, trains=True)
     used = [row for row in (*parts.train, *parts.val) if row.modality in card.modalities]
     return 2 * len(seen_of(used, card)) > len(used)

@@ -31,11 +31,6 @@ from tex_lightning.senses.base import Sense
 def check_training(config: Config, card: Card, directory: Path) -> list[Sense]:
     """Make all parts of a training once, so that errors are raised before it starts.
 
-    Args:
-        config: Configuration of the training.
-        card: Card of the model, for any classes.
-        directory: The run folder.
-
     Returns:
         The senses of the model, with random weights.
 
@@ -119,10 +114,6 @@ def check_sense(module: SurfaceModule, recordings: Recordings, store: Store) -> 
 
 def check_fitted_baseline(classifier: BaselineClassifier, recordings: Sequence[Tensor]) -> None:
     """Check the outputs of a user's fitted baseline, and that its state restores them.
-
-    Args:
-        classifier: Classifier with the fitted baseline.
-        recordings: Decoded recordings that it was fitted to.
 
     Raises:
         UserError: If it does not keep its contract.

@@ -28,12 +28,7 @@ FIGURES = {
 
 
 def figure_artifacts(directory: Path, network: str) -> Iterator[Picture]:
-    """Yield the figures of a network in the run folder, as they were saved.
-
-    Args:
-        directory: The run folder.
-        network: Name of the network.
-    """
+    """Yield the figures of a network in the run folder, as they were saved."""
     for file in sorted((directory / "figures").glob(f"{network}_*.png")):
         name = file.stem.removeprefix(f"{network}_")
         yield Picture(FIGURES.get(name, f"figures/{name}"), file.read_bytes())

@@ -76,14 +76,7 @@ class ShownSample:
 def show_sample(
     classifier: SurfaceClassifier, sample: Sample, outcome: Outcome, store: Store
 ) -> ShownSample:
-    """Look at one sample as a network does.
-
-    Args:
-        classifier: The network, on its device.
-        sample: The sample.
-        outcome: What became of it.
-        store: Its recordings.
-    """
+    """Look at one sample as a network does."""
     senses = {}
     for name, sense in classifier.senses.items():
         recording = load_recording(sample.recordings[sense.modality], store).to(classifier.device)

@@ -393,11 +393,6 @@ def make_sense(name: str, node: Mapping[str, Any], classes: int) -> Sense:
 def check_network(where: str, name: str, network: object) -> None:
     """Reject a network without the method that all have.
 
-    Args:
-        where: Its key.
-        name: Its class, for the message.
-        network: The network.
-
     Raises:
         UserError: If it has none.
     """

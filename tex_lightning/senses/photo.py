@@ -137,11 +137,6 @@ class PhotoSense(Sense):
 def augment(key: str, augmentation: Callable[[Tensor], Any], patches: Tensor) -> Tensor:
     """Apply a recipe's augmentation to photos (batch, 3, side, side) in [0, 1].
 
-    Args:
-        key: Key of the augmentation in the configuration.
-        augmentation: What changes them.
-        patches: The photos.
-
     Raises:
         UserError: If it returns no such photos.
     """

@@ -110,11 +110,7 @@ class Dataset:
         )
 
     def absences(self, divisions: Iterable[Folding]) -> list[str]:
-        """Return a sentence that names test and validation parts without some classes, if any.
-
-        Args:
-            divisions: Division of each training.
-        """
+        """Return a sentence that names test and validation parts without some classes, if any."""
         absent: dict[str, list[str]] = {}
         for by in divisions:
             parts = split(self.recordings, by, trains=True)
@@ -140,10 +136,6 @@ class Dataset:
 
 def open_dataset(data: DataConfig, senses: Sequence[Sense]) -> Dataset:
     """Read the data set to train on, and decode what the cache does not have.
-
-    Args:
-        data: Where recordings come from.
-        senses: Senses that will be trained on them.
 
     Raises:
         UserError: If the data cannot be used.

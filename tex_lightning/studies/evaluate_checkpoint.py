@@ -82,14 +82,7 @@ def results_frame(
 def describe_network(
     classifier: SurfaceClassifier, checkpoint: Path, sample: Sample, store: Store
 ) -> dict[str, Any]:
-    """Return what an entry of ``results.json`` has beside the test.
-
-    Args:
-        classifier: The network, on its device.
-        checkpoint: File of the checkpoint.
-        sample: Any sample, whose arithmetic is counted.
-        store: Its recordings.
-    """
+    """Return what an entry of ``results.json`` has beside the test."""
     training, recordings = classifier.card.training, load_sample(sample, store)
     return {
         "parameters": classifier.count_parameters(),
@@ -251,14 +244,7 @@ def view_samples_by_fold(
     outcomes: Sequence[Outcome],
     checkpoints: Mapping[str, Path],
 ) -> SampleView:
-    """Return a function that renders a sample of a cross-validation by the network of its fold.
-
-    Args:
-        dataset: The recordings of all folds.
-        samples: The samples.
-        outcomes: Outcomes of all folds.
-        checkpoints: File of the network by fold.
-    """
+    """Return a function that renders a sample of a cross-validation by the network of its fold."""
     load = lru_cache(maxsize=2)(load_classifier)
 
     @cache

@@ -148,13 +148,7 @@ def _command(job: Job, overrides: Sequence[str]) -> str:
 
 
 def print_frontier(rows: Sequence[FrontierRow], directory: Path, command: str) -> None:
-    """Print one line per system, and how to train the chosen one.
-
-    Args:
-        rows: The systems, fastest first.
-        directory: The run folder.
-        command: The command that trains the chosen system.
-    """
+    """Print one line per system, and how to train the chosen one."""
     table = make_table("frontier", ["system"], ["accuracy", "95 % CI", "ms", "fit s", "parameters"])
     table.caption = "ms: mean of one sample"
     for row in rows:

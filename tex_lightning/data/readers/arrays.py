@@ -26,10 +26,6 @@ def is_table(given: Any, modalities: Sequence[str]) -> bool:  # noqa: ANN401
     """Return whether recordings stand in an array or table of numbers, or in what should be one.
 
     Else they are sequences of paths, arrays and samples.
-
-    Args:
-        given: Recordings of any form.
-        modalities: Modalities that the model takes.
     """
     if hasattr(given, "toarray"):  # of SciPy; some are dictionaries, too
         return True
