@@ -2,7 +2,6 @@
 
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -64,20 +63,19 @@ def sample_artifacts(
     """Yield the worst samples, and both sides of the most confused pairs with their sounds.
 
     Args:
-        look: Looks at the sample of an outcome, by its number.
+        look: Renders the sample of an outcome by its number, each once.
         outcomes: What became of all samples.
         classes: Names of the classes.
     """
-    shown = cache(look)
     errors = sum(outcome.label != outcome.predicted for outcome in outcomes)
     for place, number in enumerate(worst(outcomes, min(WORST, max(errors, MIN_SHOWN))), 1):
-        sample = shown(number)
+        sample = look(number)
         yield Picture(
             f"worst samples/{place} {printable(sample.title)}", jpeg(sample_picture(sample))
         )
     for place, pair in enumerate(confused_pairs(outcomes, classes)[:PAIRS], 1):
         sides = [
-            shown(number)
+            look(number)
             for number in (
                 side_of(outcomes, pair.label, pair.predicted),
                 side_of(outcomes, pair.predicted),

@@ -1,7 +1,7 @@
 """Test a checkpoint: outcomes, ``results.json``, figures, and what its loggers show."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import cache, lru_cache
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
@@ -9,7 +9,6 @@ from typing import Any
 
 from lightning.pytorch.loggers import Logger
 
-from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.card import CROSSVAL
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, Folding, plain_values
@@ -196,16 +195,24 @@ def log_network(
 
 
 def view_samples(
-    classifier: SurfaceClassifier,
+    classifier_of: Callable[[Outcome], SurfaceClassifier],
     samples: Sequence[Sample],
     outcomes: Sequence[Outcome],
     store: Store,
 ) -> SampleView:
-    """Return a function that renders the test sample of a number, each once."""
+    """Return a function that renders the test sample of a number, each once.
+
+    Args:
+        classifier_of: Returns the network that gave an outcome, such as that of its fold.
+        samples: The samples.
+        outcomes: What became of them.
+        store: Their recordings.
+    """
 
     @cache
     def look(number: int) -> ShownSample:
-        return show_sample(classifier, samples[number], outcomes[number], store)
+        outcome = outcomes[number]
+        return show_sample(classifier_of(outcome), samples[number], outcome, store)
 
     return look
 
@@ -222,7 +229,7 @@ def draw_test(
     Returns:
         The artifacts for its loggers, made when they are asked for: samples and embeddings.
     """
-    card, view = classifier.card, view_samples(classifier, samples, outcomes, store)
+    card, view = classifier.card, view_samples(lambda _: classifier, samples, outcomes, store)
     draw_figures(outcomes, card.classes, card.kind, directory)
     keep_samples(directory, card.kind, view, outcomes, samples, card.classes)
     embeddings = projector_artifacts(classifier, samples, outcomes, store)
@@ -236,20 +243,3 @@ def fold_samples(dataset: Dataset, outcomes: Sequence[Outcome]) -> list[Sample]:
         Sample(outcome.label, {key: rows[key, file] for key, file in outcome.files.items()})
         for outcome in outcomes
     ]
-
-
-def view_samples_by_fold(
-    dataset: Dataset,
-    samples: Sequence[Sample],
-    outcomes: Sequence[Outcome],
-    checkpoints: Mapping[str, Path],
-) -> SampleView:
-    """Return a function that renders a sample of a cross-validation by the network of its fold."""
-    load = lru_cache(maxsize=2)(load_classifier)
-
-    @cache
-    def look(number: int) -> ShownSample:
-        outcome = outcomes[number]
-        return show_sample(load(checkpoints[outcome.fold]), samples[number], outcome, dataset.store)
-
-    return look

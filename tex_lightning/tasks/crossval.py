@@ -7,14 +7,15 @@ folds.
 """
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.card import CROSSVAL
-from tex_lightning.config import Config
+from tex_lightning.config import Config, Folding
 from tex_lightning.config.composition import Job
 from tex_lightning.core.progress import track
 from tex_lightning.core.ranks import is_rank_zero
@@ -37,7 +38,7 @@ from tex_lightning.studies.evaluate_checkpoint import (
     draw_figures,
     fold_samples,
     log_network,
-    view_samples_by_fold,
+    view_samples,
 )
 from tex_lightning.studies.fold import (
     chosen_folds,
@@ -73,19 +74,33 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     networks: dict[str, Any] = {}
     for name, entry in pooled.items():
         networks[name] = {**entry, **refitted.get(name, {})}
-        loggers = open_loggers(config.logger, job.directory, name)
-        files = {home.name: checkpoint_of(home, name) for home in folds}
-        outcomes = read_outcomes(job.directory / "predictions" / f"{name}.csv")
-        samples = fold_samples(dataset, outcomes)
-        look = view_samples_by_fold(dataset, samples, outcomes, files)
-        keep_samples(job.directory, name, look, outcomes, samples, dataset.classes)
-        further = sample_artifacts(look, outcomes, dataset.classes)
-        log_network(config, dataset, job.directory, loggers, networks, divisions, further)
+        _draw_and_log(config, dataset, job.directory, networks, folds, divisions)
     seconds = spent + sum(results["wall_seconds"] for results in folds.values())
     results = training_results(config, dataset, networks, seconds)
     write_results(job.directory / "results.json", results)
     print_results(results, job.directory)
     return results
+
+
+def _draw_and_log(
+    config: Config,
+    dataset: Dataset,
+    directory: Path,
+    networks: Mapping[str, Any],
+    homes: Iterable[Path],
+    divisions: Sequence[Folding],
+) -> None:
+    """Draw and log the last of some networks, its samples by the network of their fold."""
+    *_, name = networks
+    loggers = open_loggers(config.logger, directory, name)
+    files = {home.name: checkpoint_of(home, name) for home in homes}
+    load = lru_cache(maxsize=2)(load_classifier)
+    outcomes = read_outcomes(directory / "predictions" / f"{name}.csv")
+    samples = fold_samples(dataset, outcomes)
+    look = view_samples(lambda outcome: load(files[outcome.fold]), samples, outcomes, dataset.store)
+    keep_samples(directory, name, look, outcomes, samples, dataset.classes)
+    further = sample_artifacts(look, outcomes, dataset.classes)
+    log_network(config, dataset, directory, loggers, networks, divisions, further)
 
 
 def _refit(
