@@ -13,7 +13,7 @@ from tex_lightning.classifier.card import NOVELTIES
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics, TrainingRows
 from tex_lightning.errors import UserError
-from tex_lightning.learning.adaptation import _doubt, adapt
+from tex_lightning.learning.adaptation import Unsafe, adapt, check_told_apart
 from tex_lightning.networks.linear import LinearNet
 from tex_lightning.networks.planes import fit_planes
 
@@ -148,10 +148,14 @@ def test_what_is_doubted():
     apart, cut, between = (
         torch.stack([x, -x], dim=1) for x in (line.sign() + line / 4, line, line.sign() * line**2)
     )
-    assert not _doubt(between, apart, apart)
-    assert "would not be told apart more clearly" in _doubt(apart, apart, apart)
-    assert "50 of 100 recordings are of classes without a gap" in _doubt(between, cut, cut)
-    assert "only 0 of 100 have the same label" in _doubt(between, apart.roll(50, 0), apart)
+    check_told_apart(between, apart, apart)
+    for scores, message in (
+        ((apart, apart, apart), "would not be told apart more clearly"),
+        ((between, cut, cut), "50 of 100 recordings are of classes without a gap"),
+        ((between, apart.roll(50, 0), apart), "only 0 of 100 have the same label"),
+    ):
+        with pytest.raises(Unsafe, match=message):
+            check_told_apart(*scores)
 
 
 def test_neither_order_nor_the_given_classifier_changes_anything(classifier):

@@ -98,9 +98,10 @@ def adapt(
     student = _Student(
         network, cast(TrainingRows, whole.rows[name]), torch.stack([mean for mean, _ in recordings])
     )
-    lesson = student.learn()
-    if lesson.reason:
-        return Adaptation(classifier, lesson.reason, len(recordings), {}, 0)
+    try:
+        lesson = student.learn()
+    except Unsafe as error:
+        return Adaptation(classifier, str(error), len(recordings), {}, 0)
     _gate(lesson.network).fragments.fill_(median(count for _, count in recordings))
     _replace(whole, name, student, lesson)
     counts = lesson.labels[lesson.labels >= 0].bincount(minlength=network.classes).tolist()
@@ -142,6 +143,10 @@ def check_adaptable(classifier: SurfaceClassifier) -> None:
         )
 
 
+class Unsafe(Exception):
+    """Why a network should stay as it is, in a phrase."""
+
+
 class _Lesson(NamedTuple):
     """Recordings that a network is fitted to, with the labels that it gave them.
 
@@ -149,13 +154,11 @@ class _Lesson(NamedTuple):
         network: Fitted to them, too.
         labels: Class index of each recording that taught, -1 of others (recordings,).
         changed: How many recordings have another label than before.
-        reason: Why it should not be used; empty if it should.
     """
 
     network: LinearNet
     labels: Tensor
     changed: int
-    reason: str
 
 
 class _Student:
@@ -179,32 +182,34 @@ class _Student:
         network.head.scores.get_submodule(SHORT).take(None)  # type: ignore[operator]
 
     def learn(self) -> _Lesson:
-        """Fit the network again, and say why that should not be used, if so."""
+        """Fit the network again.
+
+        Raises:
+            Unsafe: If that should not be used.
+        """
         scores = before = self.scores(self.network)
         present, labels = _present(before), before.argmax(dim=1)
         covered = int(present[labels].sum())
         if covered < COVERED * len(labels):
-            reason = (
+            raise Unsafe(
                 f"of {len(labels)} recordings only {covered} are of classes that are clearly "
                 "among them; give more recordings of each class"
             )
-            return _Lesson(self.network, labels, 0, reason)
         there, classes = int(present.sum()), len(present)
         if self.single and there < MOST * classes:
-            reason = (
+            raise Unsafe(
                 f"only {there} of {classes} classes are clearly among the recordings, and one "
                 "training recording of each does not tell which are absent"
             )
-            return _Lesson(self.network, labels, 0, reason)
         network, taught = self.network, present[labels]
         for share in SHARES:
             labels = scores.argmax(dim=1)
             taught = _surest(scores, share) & present[labels]
             network = self.fitted(taught, labels)
             scores = self.scores(network)
-        reason = _doubt(before, scores, self.left_out(taught, labels))
+        check_told_apart(before, scores, self.left_out(taught, labels))
         changed = int((scores.argmax(dim=1) != before.argmax(dim=1)).sum())
-        return _Lesson(network, labels.where(taught, -1), changed, reason)
+        return _Lesson(network, labels.where(taught, -1), changed)
 
     def fitted(self, taught: Tensor, labels: Tensor) -> LinearNet:
         """Return a network fitted to the training rows and the marked recordings."""
@@ -263,33 +268,35 @@ def _between(scores: Tensor) -> int:
     return int((margins < BETWEEN * margins.median()).sum())
 
 
-def _doubt(before: Tensor, after: Tensor, left_out: Tensor) -> str:
-    """Say why scores (recordings, classes) are not to be trusted, if so.
+def check_told_apart(before: Tensor, after: Tensor, left_out: Tensor) -> None:
+    """Reject scores (recordings, classes) that are not to be trusted.
 
     Args:
         before: Of the network as it was.
         after: Of that which all recordings could teach.
         left_out: Of those that the recording itself could not teach.
+
+    Raises:
+        Unsafe: Saying why.
     """
     count, was, now = len(before), _between(before), _between(left_out)
     if not (now < was and now <= FEWER * was):
-        return (
+        raise Unsafe(
             "the classes would not be told apart more clearly; "
             f"of {count} recordings {was} lie between classes, and {now} would"
         )
     blurred = _blurred(left_out)
     if blurred > BLURRED * count:
-        return (
+        raise Unsafe(
             "some classes may be parts of others; "
             f"{blurred} of {count} recordings are of classes without a gap to another one"
         )
     same = int((after.argmax(dim=1) == left_out.argmax(dim=1)).sum())
     if same < STABLE * count:
-        return (
+        raise Unsafe(
             "the labels depend too much on which recordings are given; "
             f"with some of them left out only {same} of {count} have the same label"
         )
-    return ""
 
 
 def _blurred(scores: Tensor) -> int:
