@@ -5,7 +5,7 @@ Beside that stand the job that Hydra has begun, and the flags of a command line.
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, NoReturn
 
@@ -112,6 +112,10 @@ class Job:
     def sets(self, key: str) -> bool:
         """Return whether an override gives a dotted key a value."""
         return any(item.lstrip("+").partition("=")[0] == key for item in self.overrides)
+
+    def adding(self, *overrides: str) -> "Job":
+        """Return the job with further overrides."""
+        return replace(self, overrides=(*self.overrides, *overrides))
 
     def compose(self, overrides: Sequence[str]) -> DictConfig:
         """Compose another configuration from the same folders.

@@ -21,7 +21,7 @@ from tex_lightning.config.tasks import TRAINING
 from tex_lightning.data.decode import SignalDecoder, check_decoding, keeping_traces, read_trace
 from tex_lightning.data.folds import count_folds
 from tex_lightning.data.readers import read_recordings
-from tex_lightning.data.recordings import Recording
+from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.errors import UserError
 from tex_lightning.networks.trunks.efficientnet_lite import EfficientNetLite0
 from tex_lightning_runtime.resampling import MIN_RATE
@@ -86,19 +86,19 @@ def with_derived(task: str, data: DataConfig, model: ModelConfig, job: Job) -> J
         job = _without_validation(data, job)
     reads_data = task in (*TRAINING, "frontier", "inspect")
     for name in model.senses if reads_data else ():
-        sense = model.sense(name)
-        medium = find_class(
-            f"model.{name}", sense.node
-        ).medium  # its other keys may be checked later
-        check_decoding(f"model.{name}.decode", medium, sense.decode)
+        where, sense = f"model.{name}", model.sense(name)
+        medium = find_class(where, sense.node).medium  # its other keys may be checked later
+        check_decoding(f"{where}.decode", medium, sense.decode)
+    rows: Recordings | None = None
     if reads_data and data.name != SYNTHETIC:  # which would be rendered before anything is checked
-        job = _with_real_folds(task, data, model, job)
+        rows = read_recordings(data, model.modalities, least=1)
+        job = _with_real_folds(task, data, rows, job)
     if data.sampling_rate is None and (reads_data or task == "profile"):  # others have a card
-        rate = _own_rate(data, model) if reads_data else PAPERS_RATE
-        job = replace(job, overrides=(*job.overrides, f"{RATE}={rate:g}"))
+        rate = PAPERS_RATE if rows is None else _own_rate(rows, data, model)
+        job = job.adding(f"{RATE}={rate:g}")
         data = replace(data, sampling_rate=rate)
     if reads_data:
-        job = replace(job, overrides=(*job.overrides, *_level_overrides(data, model)))
+        job = job.adding(*_level_overrides(rows, data, model))
     return _with_pretrained(task, data, model, job)
 
 
@@ -106,12 +106,12 @@ def _without_validation(data: DataConfig, job: Job) -> Job:
     """Leave out the validation fold where nothing is tested, unless the user has chosen one."""
     if data.val_fold is None or job.sets("data.val_fold") or not job.sets("data.test_fold"):
         return job
-    return replace(job, overrides=(*job.overrides, "data.val_fold=null"))
+    return job.adding("data.val_fold=null")
 
 
-def _with_real_folds(task: str, data: DataConfig, model: ModelConfig, job: Job) -> Job:
+def _with_real_folds(task: str, data: DataConfig, rows: Recordings, job: Job) -> Job:
     """Set the number of folds to that of the table: its own folds, or at most its groups."""
-    folds = count_folds(read_recordings(data, model.modalities, least=1))
+    folds = count_folds(rows)
     if folds == data.folds:
         return job
     divides = data.withholds or task != "fit"  # else nothing is divided
@@ -121,7 +121,7 @@ def _with_real_folds(task: str, data: DataConfig, model: ModelConfig, job: Job) 
         "class has recordings of more groups.",
         folds, data.folds,
     )  # fmt: skip
-    return replace(job, overrides=(*job.overrides, f"data.folds={folds}"))
+    return job.adding(f"data.folds={folds}")
 
 
 def _with_pretrained(task: str, data: DataConfig, model: ModelConfig, job: Job) -> Job:
@@ -155,7 +155,7 @@ def weights_are_installed() -> bool:
     return find_spec(EfficientNetLite0.imagenet_package) is not None
 
 
-def _own_rate(data: DataConfig, model: ModelConfig) -> float:
+def _own_rate(recordings: Recordings, data: DataConfig, model: ModelConfig) -> float:
     """Return the rate in Hz to resample traces to: the highest of some, at most the paper's."""
     senses = [model.sense(sense) for sense in model.senses]
     channels = {
@@ -163,7 +163,6 @@ def _own_rate(data: DataConfig, model: ModelConfig) -> float:
         for sense in senses
         if sense.decode.get("sampling_rate", "none") is None
     }
-    recordings = read_recordings(data, model.modalities, least=1)
     rows = [row for row in recordings if row.modality in channels]
     spread = rows[:: max(1, len(rows) // LOOKED_AT)]
     looked_at = {row.path: row for row in (*{row.label: row for row in rows}.values(), *spread)}
@@ -189,7 +188,9 @@ def _rate(row: Recording, data: DataConfig, channels: list[int | str] | None) ->
     return round(source, 3)
 
 
-def _level_overrides(data: DataConfig, model: ModelConfig) -> Iterator[str]:
+def _level_overrides(
+    rows: Recordings | None, data: DataConfig, model: ModelConfig
+) -> Iterator[str]:
     """Yield the override ``levels``, the number of axes, for features of slow signals."""
     for name in model.senses:
         sense = model.sense(name)
@@ -197,7 +198,9 @@ def _level_overrides(data: DataConfig, model: ModelConfig) -> Iterator[str]:
         if sense.features.get("levels", 0) is None and rate < SLOW_RATE:
             channels, unit = (sense.decode.get(key) for key in ("channels", "time_unit"))
             decoder = SignalDecoder(rate, rate, channels and tuple(channels), unit)
-            for row in read_recordings(data, [sense.modality], least=1).of(sense.modality):
+            if rows is None:
+                rows = read_recordings(data, model.modalities, least=1)
+            for row in rows.of(sense.modality):
                 try:
                     trace = read_trace(row.path, decoder, row.sampling_rate).samples
                 except UserError:  # said later of all together, or left out by data.skip_bad
