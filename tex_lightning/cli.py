@@ -1,6 +1,9 @@
 """Compose, check and run one task, for the command line and for :func:`tex_lightning.train`.
 
-PyTorch is imported once the command line is known to be right.
+A command goes through :func:`main`, Hydra, :func:`run_job` and :func:`run_task`, which checks the
+configuration (:mod:`tex_lightning.config.check`), derives settings from the recordings
+(:mod:`tex_lightning.data.derived_settings`) and calls ``run`` of ``tasks/NAME.py``. PyTorch is
+imported once the command line is known to be right.
 """
 
 import gc

@@ -1,4 +1,9 @@
-"""Train and test all networks of a model on one fold."""
+"""Train and test all networks of a model on one fold.
+
+:func:`open_and_show` opens the data, :func:`run_fold` trains and tests and writes the results. The
+networks are trained by :mod:`tex_lightning.learning.train`, and tested by
+:mod:`.evaluate_checkpoint`.
+"""
 
 import logging
 import time
