@@ -24,7 +24,7 @@ from tex_lightning.inference.prediction import Prediction, make_prediction
 from tex_lightning.inference.running_vote import RunningVote, running_vote
 from tex_lightning.senses.signal import SignalSense
 from tex_lightning_runtime.quality import Level, Quality, Ranges, Survey, limits, together
-from tex_lightning_runtime.resampling import REACH, rate_ratio, to_rate
+from tex_lightning_runtime.resampling import AROUND, REACH, rate_ratio, to_rate
 from tex_lightning_runtime.samples import as_trace
 
 MIN_SECONDS = 0.3  # of a window that votes
@@ -117,7 +117,7 @@ class ResampledSignal(LiveSignal):
     def _resampled(self) -> tuple[Array, Array]:
         kept, (up, down) = self.kept, self.ratio.as_integer_ratio()
         assert kept is not None
-        half = REACH * max(up, down) if self.ratio != 1 else 0  # of the filter, in 1 / up samples
+        half = AROUND * up + (REACH * max(up, down) if self.ratio != 1 else 0)  # in 1 / up samples
         final = max(self.given, (self.samples * up - half - 1) // down + 1)
         target, name = self.sense.decoder.sampling_rate, self.sense.modality
         every = to_rate(kept, self.rate, target, name)[:, self.given - self.dropped * up // down :]

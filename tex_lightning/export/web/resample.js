@@ -1,4 +1,5 @@
-// Samples at another rate, as scipy.signal.resample_poly computes them with its own filter.
+// Signals as networks take them: without faults of single samples, and at their rate, as
+// scipy.signal.resample_poly computes them with its own filter.
 
 import { InputError } from "./errors.js";
 
@@ -7,9 +8,11 @@ const BETA = 5; // of its Kaiser window
 const [MIN_RATE, MAX_RATE] = [19, 210000]; // Hz: 20 Hz to 200 kHz, by clocks that are not exact
 const SAME_RATE = 0.005; // by which clocks of the same rate may differ; such samples stay as they are
 const MAX_DENOMINATOR = 10000n;
+// A fault is one sample or two, outside of the range of so many on each side by so many times it.
+const [AROUND, NEXT, OUTSIDE] = [8, 2, 3];
 
 /**
- * Bring a signal to another rate.
+ * Mend a signal and bring it to another rate.
  *
  * The arithmetic has the precision of the samples, in scipy's order, so that float32 samples come
  * out as they do there.
@@ -21,6 +24,7 @@ const MAX_DENOMINATOR = 10000n;
  */
 export function resample(samples, source, target) {
   const [up, down] = rateRatio(source, target);
+  samples = mended(samples);
   if (up === down) return Float32Array.from(samples);
   const half = REACH * Math.max(up, down);
   const filter = lowPass(half, Math.max(up, down), up, samples.constructor);
@@ -36,6 +40,23 @@ export function resample(samples, source, target) {
       sum = round(sum + round(samples[k] * filter[centre - k * up + half]));
     }
     found[i] = sum;
+  }
+  return found;
+}
+
+/** A signal whose faulty samples are means of those around them. */
+function mended(samples) {
+  const found = samples.slice();
+  for (let i = AROUND; i < samples.length - AROUND; i++) {
+    let [low, high] = [Infinity, -Infinity];
+    for (let k = NEXT; k <= AROUND; k++) {
+      low = Math.min(low, samples[i - k], samples[i + k]);
+      high = Math.max(high, samples[i - k], samples[i + k]);
+    }
+    const outside = Math.max(samples[i] - high, low - samples[i]);
+    if (high > low && outside > OUTSIDE * (high - low)) {
+      found[i] = (samples[i - NEXT] + samples[i + NEXT]) / 2;
+    }
   }
   return found;
 }
