@@ -80,11 +80,11 @@ def test_no_optional_library_is_imported_before_it_is_asked_for():
     assert finished.returncode == 0, finished.stderr
 
 
-def test_a_prediction_imports_nothing_slow_that_it_does_not_use(untrained, tmp_path):
+def test_a_prediction_imports_nothing_slow_that_it_does_not_use(untrained, bands, tmp_path):
     np.save(tmp_path / "a.npy", make_trace(0, 0))
     code = (
-        f"import sys, tex_lightning as tl; tl.load({str(untrained)!r}).predict(haptic='a.npy'); "
-        "print(*sys.modules)"
+        f"import sys, tex_lightning as tl\nfor model in {[str(untrained), str(bands)]}: "
+        "tl.load(model).predict(haptic='a.npy')\nprint(*sys.modules)"
     )
     finished = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, check=True, capture_output=True, text=True

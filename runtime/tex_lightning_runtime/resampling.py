@@ -1,4 +1,4 @@
-"""Signals as networks take them: without faults of single samples, and at their rate.
+"""Signals as networks take them: without spikes, and at their rate.
 
 Signals come to another rate by a low-pass filter in polyphase form.
 """
@@ -17,9 +17,9 @@ MIN_RATE, MAX_RATE = 19.0, 210_000.0  # Hz: 20 Hz to 200 kHz, by clocks that are
 SAME_RATE = 0.005  # by which clocks of the same rate may differ; such samples stay as they are
 REACH, BETA = 10, 5.0  # of SciPy's filter: samples of the lower rate on each side; Kaiser's window
 IN_CACHE = 1 << 17  # samples that are summed together, which the processor keeps at hand
-# a fault: one sample or two, outside of the range of so many on each side by so many times that
-# range; no sensor with a filter before its converter measures the like
-AROUND, NEXT, OUTSIDE = 8, 2, 3.0
+# A spike is one sample or two. It lies outside of the range of the samples 2 to 8 before and after
+# it, by more than three times that range.
+NEXT, AROUND, OUTSIDE = 2, 8, 3.0
 BESSEL = (  # Chebyshev coefficients of exp(-x) I0(x) in [0, 8], as in Cephes
     -4.4153416464793395e-18, 3.3307945188222384e-17, -2.431279846547955e-16, 1.715391285555133e-15,
     -1.1685332877993451e-14, 7.676185498604936e-14, -4.856446783111929e-13, 2.95505266312964e-12,
@@ -37,11 +37,11 @@ KEYS = (  # what a rate that is none can be mended by, on the command line of te
 
 
 def to_rate(trace: Array, source: float, target: float, name: str, remedy: str = KEYS) -> Array:
-    """Mend (axes, samples) and resample them from the rate ``source`` to ``target`` in Hz.
+    """Take spikes out of (axes, samples), and resample from the rate ``source`` to ``target`` Hz.
 
     Returns:
-        float32 array of shape (axes, samples): what SciPy makes of :func:`mended` ones, to the last
-        bit.
+        float32 array of shape (axes, samples): what SciPy makes of :func:`without_spikes`, to the
+        last bit.
 
     Raises:
         UserError: If the rates are too far apart, beginning with ``name``; see :func:`rate_ratio`.
@@ -52,18 +52,18 @@ def to_rate(trace: Array, source: float, target: float, name: str, remedy: str =
             f"{name} has a sampling rate of {source:g} Hz, so that it would become "
             f"{float(count):g} samples at {target:g} Hz; correct that rate, or divide the file."
         )
-    trace = mended(trace)
+    trace = without_spikes(trace)
     if ratio != 1:
         trace = resample_poly(trace, *ratio.as_integer_ratio())
     return np.ascontiguousarray(trace, dtype=np.float32)
 
 
-def mended(trace: Array) -> Array:
-    """Return a signal (axes, samples) whose single faulty samples are means of those around them.
+def without_spikes(trace: Array) -> Array:
+    """Return a signal (axes, samples) whose spikes are means of the samples around them.
 
-    Faults of a cable or of a transmission are one sample or two that lie far outside of all others
-    nearby: they change every band of every frame that they are in. Where the others are all equal,
-    what differs from them counts as measured.
+    Faults of a cable, a converter or a transmission change every band of every frame that they are
+    in. A sensor with a filter before its converter measures nothing as short. Where all samples
+    around one are equal, it counts as measured: coarse converters give the like.
     """
     given = trace
     for begin in range(0, trace.shape[1] - 2 * AROUND, IN_CACHE):
@@ -72,10 +72,10 @@ def mended(trace: Array) -> Array:
         highest, lowest = (_of_side(part, best) for best in (np.maximum, np.minimum))
         spread = highest - lowest
         outside = np.maximum(inner - highest, lowest - inner)
-        faulty = (outside > OUTSIDE * spread) & (spread > 0)
-        if faulty.any():
+        spikes = (outside > OUTSIDE * spread) & (spread > 0)
+        if spikes.any():
             trace = given.copy() if trace is given else trace
-            axes, places = np.nonzero(faulty)
+            axes, places = np.nonzero(spikes)
             before, after = part[axes, places + AROUND - NEXT], part[axes, places + AROUND + NEXT]
             trace[axes, begin + AROUND + places] = (before + after) / 2
     return trace

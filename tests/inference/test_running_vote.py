@@ -166,10 +166,10 @@ def test_faults_are_those_of_the_whole(cuts, top):
 
 
 @pytest.mark.parametrize("rate", [10_000.0, 9_000.0, 44_100.0, 3_333.0])
-def test_mended_and_resampled_pieces_are_those_of_the_whole(rate):
+def test_resampled_pieces_are_those_of_the_whole(rate):
     signal = ResampledSignal(hapticnet().senses["haptic"], rate, {})
     samples = np.random.default_rng(0).standard_normal((2, 30_000))
-    samples[:, [3, 40, 55, 8_998, 9_000, 9_020, 19_992, 25_000, 29_990]] += 40  # faults
+    samples[:, [3, 40, 55, 8_998, 9_000, 9_020, 19_992, 25_000, 29_990]] += 40  # spikes
     parts = [signal.take(part) for part in np.split(samples, [1, 50, 9000, 9001, 20_000], axis=1)]
     pieces = torch.cat([*(new for new, _, _ in parts), parts[-1][1]], dim=1)
     whole, _ = signal.sense.resample(samples, rate, {}, "it")

@@ -38,6 +38,8 @@ def test_a_network_larger_than_its_file_is_not_made():
         (torch.arange, {"end": 7}),
         (torch.arange, {"start": 2, "end": 7.5}),
         (torch.arange, {"start": 7, "end": 2, "step": -2}),
+        (torch.eye, {"n": 3}),
+        (torch.eye, {"n": 3, "m": 4}),
         (torch.hann_window, {"window_length": 9}),
         (torch.linspace, {"start": 0, "end": 1, "steps": 5}),
     ],

@@ -1,4 +1,4 @@
-"""Signals come to another rate as by SciPy, to the last bit, without it; faulty samples go."""
+"""Signals come to another rate as by SciPy, to the last bit, without it; spikes go."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from tex_lightning_runtime.errors import UserError
-from tex_lightning_runtime.resampling import mended, rate_ratio, resample_poly, to_rate
+from tex_lightning_runtime.resampling import rate_ratio, resample_poly, to_rate, without_spikes
 
 RATES = st.sampled_from([1_000, 2_200, 8_000, 9_973.1, 10_000, 20_000, 44_100, 48_000])
 
@@ -55,7 +55,7 @@ def test_rates_of_no_signal_and_too_many_samples_are_refused(monkeypatch):
         to_rate(noise(1, 2_000, "f4"), 2_500, 10_000, "It")
 
 
-WAVES = {  # that are measured: nothing in them is a fault
+WAVES = {  # that are measured: nothing in them is a spike
     "noise": noise(1, 20_000, "f8"),
     "impulses that ring": np.convolve(
         noise(1, 9_000, "f8")[0] ** 9, np.exp(-np.arange(60) / 8) * np.cos(np.arange(60))
@@ -69,21 +69,21 @@ WAVES = {  # that are measured: nothing in them is a fault
 
 @pytest.mark.parametrize("name", WAVES)
 def test_what_is_measured_stays_as_it_is(name):
-    assert mended(WAVES[name]) is WAVES[name]
+    assert without_spikes(WAVES[name]) is WAVES[name]
 
 
 @pytest.mark.parametrize("length", [1, 2])
-@pytest.mark.parametrize("fault", [25.0, -25.0])
+@pytest.mark.parametrize("height", [25.0, -25.0])
 @pytest.mark.parametrize("together", [50, 1 << 17])
-def test_single_faulty_samples_go_and_nothing_else_changes(monkeypatch, length, fault, together):
+def test_spikes_go_and_nothing_else_changes(monkeypatch, length, height, together):
     monkeypatch.setattr("tex_lightning_runtime.resampling.IN_CACHE", together)
     clean = 400 + 10 * signal.sosfilt(signal.butter(4, 0.3, output="sos"), noise(3, 3_000, "f8"))
     places = np.arange(20, 2_900, 37)[:, None] + np.arange(length)
-    faulty = clean.copy()
-    faulty[1, places] += 10 * fault
-    found = mended(faulty)
-    changed = found != faulty
+    spoilt = clean.copy()
+    spoilt[1, places] += 10 * height
+    found = without_spikes(spoilt)
+    changed = found != spoilt
     assert set(np.flatnonzero(changed[1])) == set(places.flat)
     assert not changed[[0, 2]].any()
     assert np.abs(found - clean).max() < 4 * clean.std()  # of a step of ten times that
-    np.testing.assert_array_equal(to_rate(faulty, 1_000, 1_000, "it"), found.astype(np.float32))
+    np.testing.assert_array_equal(to_rate(spoilt, 1_000, 1_000, "it"), found.astype(np.float32))

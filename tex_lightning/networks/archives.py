@@ -55,14 +55,14 @@ def _range(start: float = 0, end: float | None = None, step: float = 1, **_: obj
 # On the meta device PyTorch computes them by Python that takes seconds to import.
 LENGTHS: dict[Any, Callable[..., int]] = {
     torch.arange: _range,
+    torch.eye: lambda n, m=None, **_: n * (n if m is None else m),
     torch.hamming_window: lambda window_length, *_, **__: window_length,
     torch.hann_window: lambda window_length, *_, **__: window_length,
     torch.linspace: lambda start, end, steps, **_: steps,
     torch.logspace: lambda start, end, steps, *_, **__: steps,
 }
 TENSORS = {
-    torch.empty, torch.empty_strided, torch.eye, torch.full, torch.ones, torch.rand, torch.randn,
-    torch.zeros,
+    torch.empty, torch.empty_strided, torch.full, torch.ones, torch.rand, torch.randn, torch.zeros,
 }  # fmt: skip
 SPARE = 1 << 24  # numbers that features compute and no file holds, such as windows and filters
 

@@ -1,4 +1,4 @@
-// Signals as networks take them: without faults of single samples, and at their rate, as
+// Signals as networks take them: without spikes, and at their rate, as
 // scipy.signal.resample_poly computes them with its own filter.
 
 import { InputError } from "./errors.js";
@@ -8,11 +8,11 @@ const BETA = 5; // of its Kaiser window
 const [MIN_RATE, MAX_RATE] = [19, 210000]; // Hz: 20 Hz to 200 kHz, by clocks that are not exact
 const SAME_RATE = 0.005; // by which clocks of the same rate may differ; such samples stay as they are
 const MAX_DENOMINATOR = 10000n;
-// A fault is one sample or two, outside of the range of so many on each side by so many times it.
-const [AROUND, NEXT, OUTSIDE] = [8, 2, 3];
+// As without_spikes of the Python package: two samples at most, far outside of those on both sides.
+const [NEXT, AROUND, OUTSIDE] = [2, 8, 3];
 
 /**
- * Mend a signal and bring it to another rate.
+ * Take the spikes out of a signal and bring it to another rate.
  *
  * The arithmetic has the precision of the samples, in scipy's order, so that float32 samples come
  * out as they do there.
@@ -24,7 +24,7 @@ const [AROUND, NEXT, OUTSIDE] = [8, 2, 3];
  */
 export function resample(samples, source, target) {
   const [up, down] = rateRatio(source, target);
-  samples = mended(samples);
+  samples = withoutSpikes(samples);
   if (up === down) return Float32Array.from(samples);
   const half = REACH * Math.max(up, down);
   const filter = lowPass(half, Math.max(up, down), up, samples.constructor);
@@ -44,8 +44,8 @@ export function resample(samples, source, target) {
   return found;
 }
 
-/** A signal whose faulty samples are means of those around them. */
-function mended(samples) {
+/** A signal whose spikes are means of the samples around them. */
+function withoutSpikes(samples) {
   const found = samples.slice();
   for (let i = AROUND; i < samples.length - AROUND; i++) {
     let [low, high] = [Infinity, -Infinity];
