@@ -7,7 +7,13 @@ from typing import Any
 import pytest
 
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes
-from tex_lightning.report.page import NOTES, ReportedSystem, _against, accuracy_table, read_systems
+from tex_lightning.report.systems import (
+    NOTES,
+    ReportedSystem,
+    _against,
+    accuracy_table,
+    read_systems,
+)
 
 ENTRY = {"fit_seconds": 1.0, "parameters": 7}
 

@@ -14,7 +14,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 import tex_lightning as tl
 from tex_lightning.evaluation.outcomes import optimized_value
 from tex_lightning.learning.module import SurfaceModule
-from tex_lightning.report.page import read_systems
+from tex_lightning.report.systems import read_systems
 
 NETWORK_KEYS = {
     "fragment_accuracy", "vote_accuracy", "vote_ci95", "correct", "test_samples", "parameters",

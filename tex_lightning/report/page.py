@@ -1,36 +1,24 @@
-"""``report.html`` and ``report.md``: one context of a run folder, rendered twice.
-
-Tables that compare systems are made of the run folders of their tests.
-"""
+"""``report.html`` and ``report.md``: one context of a run folder, rendered twice."""
 
 import base64
 import hashlib
 import shlex
 import struct
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from statistics import fmean, stdev
 from typing import Any
 
 from tex_lightning.core.files import read_rows, write_text
-from tex_lightning.evaluation.comparison import mcnemar, pair
-from tex_lightning.evaluation.conditions import pool_conditions
-from tex_lightning.evaluation.metrics import METRICS, metrics_in, pooled_metrics, told
-from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, summarise
 from tex_lightning.report.data_page import data_pictures, data_tables
 from tex_lightning.report.misclassified import class_tables, error_cards
+from tex_lightning.report.systems import NOTES, comparison_tables, read_systems
 from tex_lightning.report.table import (
-    POOLED,
     TINY,
     Table,
-    TableRow,
     condition_rows,
-    counted,
     facts,
     is_tiny,
-    paper_table,
     read_or_empty,
     run_overrides,
     run_settings,
@@ -38,215 +26,9 @@ from tex_lightning.report.table import (
 )
 from tex_lightning.text import render
 
-PAPER_DATA = ("tum", "kylberg", "kth_tips2b")
-DATA_TABLES = PAPER_DATA[1:]  # the paper has a table for each of them
-BROAD = 800  # pixels; a figure of more has a row of the page for itself
-MAX_SETTINGS = 4  # that a label shows
-
-
-@dataclass(frozen=True)
-class ReportedSystem:
-    """One system and all its tests.
-
-    Attributes:
-        model: Name of its configuration.
-        kind: Sense, or ``fusion``.
-        inside: The FusionNet that trained it as its part; empty for a system of its own.
-        data: Name of the data set's configuration.
-        variant: Settings by which it differs from other systems of the same model.
-        classes: Class names in order.
-        entries: Entries of ``results.json``, one for each run.
-        outcomes: Outcomes of all runs together, or of those with the first seed: others test the
-            same samples.
-        seeds: Accuracy of each seed, if there are several.
-    """
-
-    model: str
-    kind: str
-    inside: str
-    data: str
-    variant: str
-    classes: list[str]
-    entries: list[dict[str, Any]]
-    outcomes: list[Outcome]
-    seeds: Sequence[float] = ()
-
-    @property
-    def label(self) -> str:
-        """Name in tables: that of the paper, if it has the system."""
-        rows = [row for name in self.tables for row in paper_table(name).get("rows", ())]
-        known = {row["model"]: row["label"] for row in rows}
-        name = str(known.get(self.model, self.model))
-        inside = f" inside {self.inside}" if self.inside else ""
-        return name + inside + (f" ({self.variant})" if self.variant else "")
-
-    @property
-    def accuracy(self) -> float:
-        """Accuracy of the samples, or its mean over seeds."""
-        return fmean(self.seeds) if self.seeds else float(summarise(self.outcomes)["vote_accuracy"])
-
-    @property
-    def tables(self) -> tuple[str, ...]:
-        """Names of the paper's tables that may have it."""
-        return (self.data, self.kind) if self.data in DATA_TABLES else (self.kind,)
-
-
-def read_systems(runs: Iterable[Path]) -> list[ReportedSystem]:
-    """Read all systems that runs have tested; those that differ in fold or seed alone are one.
-
-    Args:
-        runs: Run folders of ``fit``, ``crossval`` or ``evaluate``; others are passed over.
-    """
-    models: dict[tuple[str, ...], list[tuple[Path, dict[str, Any]]]] = {}
-    for run in runs:
-        results = read_or_empty(run / "results.json")
-        names = list(results.get("networks", {}))
-        for kind in names:
-            if "vote_accuracy" in results["networks"][kind]:
-                is_main = kind == names[-1]
-                model, inside = (results["model"], "") if is_main else (kind, results["model"])
-                models.setdefault((model, kind, inside, results["data"]), []).append((run, results))
-    systems = []
-    for key, members in models.items():
-        groups: dict[str, list[tuple[Path, dict[str, Any]]]] = {}
-        for member, variant in zip(members, _variants([run for run, _ in members]), strict=True):
-            groups.setdefault(variant, []).append(member)
-        systems += [_pool(key, variant, group) for variant, group in groups.items()]
-    return systems
-
-
-def _variants(runs: Sequence[Path]) -> list[str]:
-    """Return what each run of one model has set differently from the others."""
-    every = [run_settings(run) for run in runs]
-    alike = (*POOLED, "seed")
-    keys = {key for settings in every for key in settings if not key.startswith(alike)}
-    differing = [key for key in keys if len({str(settings.get(key)) for settings in every}) > 1]
-    # the same value under a longer key was taken from the shorter one
-    differing.sort(key=lambda key: (key.count("."), key))
-    variants = []
-    for settings in every:
-        shown = {(key.rpartition(".")[2], str(settings.get(key))): key for key in differing[::-1]}
-        items = [f"{key}={value}" for (_, value), key in reversed(shown.items())]
-        held = [key.split(".")[2] for key in settings if key.startswith("data.test_where.")]
-        unseen = [f"unseen {' and '.join(dict.fromkeys(held))}"] if held else []
-        variants.append(", ".join([*items[:MAX_SETTINGS], *unseen]))
-    return variants
-
-
-def _pool(
-    key: tuple[str, ...], variant: str, members: Sequence[tuple[Path, dict[str, Any]]]
-) -> ReportedSystem:
-    model, kind, inside, data = key
-    by_seed: dict[Any, list[Outcome]] = {}
-    for run, _ in members:
-        outcomes = read_outcomes(run / "predictions" / f"{kind}.csv")
-        by_seed.setdefault(run_settings(run).get("seed"), []).extend(outcomes)
-    seeds = [float(summarise(outcomes)["vote_accuracy"]) for outcomes in by_seed.values()]
-    seeds = seeds if len(seeds) > 1 else []
-    entries = [results["networks"][kind] for _, results in members]
-    first = next(iter(by_seed.values()))
-    return ReportedSystem(
-        model, kind, inside, data, variant, members[0][1]["classes"], entries, first, seeds
-    )
-
-
-def comparison_tables(systems: Sequence[ReportedSystem]) -> list[Table]:
-    """Return every table that compares systems: accuracies, also by condition."""
-    groups: dict[str, list[ReportedSystem]] = {}
-    for system in systems:
-        groups.setdefault(system.tables[0], []).append(system)
-    tables = [
-        accuracy_table(name, [system for system in group if not system.inside] or group)
-        for name, group in groups.items()
-    ]
-    by_condition = {system.label: pool_conditions(system.entries) for system in systems}
-    tables.append(
-        Table(
-            "By condition",
-            condition_rows({label: entry for label, entry in by_condition.items() if entry}),
-            "A row marked unseen was trained without the conditions that it tested.",
-        )
-    )
-    return [table for table in tables if table.rows]
-
-
-def accuracy_table(name: str, systems: Sequence[ReportedSystem]) -> Table:
-    """Return a line for each system, with the paper's figures where these are of the same data."""
-    table = paper_table(name)
-    order = [row["model"] for row in table.get("rows", ())]
-    ordered = sorted(
-        systems,
-        key=lambda system: order.index(system.model) if system.model in order else len(order),
-    )
-    top = max(systems, key=lambda system: system.accuracy)
-    paper = {row["model"]: row for row in table.get("rows", ()) if top.data in PAPER_DATA}
-    data, classes = ", ".join(sorted({system.data for system in systems})), len(top.classes)
-    text = f"Data: {data}, {classes} classes (chance {1 / classes:.1%})."
-    if paper:
-        text += f" The paper's: {table['data']}."
-    rows = [
-        _line(system, top, {} if system.inside else paper.get(system.model, {}))
-        for system in ordered
-    ]
-    return Table(table.get("title") or f"{name.capitalize()} classification", rows, text)
-
-
-def _line(system: ReportedSystem, top: ReportedSystem, paper: Mapping[str, Any]) -> TableRow:
-    ours = {
-        **system.entries[0],
-        **pooled_metrics(system.outcomes, calibrated=False),
-        "fit_seconds": sum(entry["fit_seconds"] for entry in system.entries),
-    }
-    return {
-        "system": system.label,
-        "accuracy, paper": f"{paper['vote']:g} %" if "vote" in paper else "",
-        "accuracy": _accuracy(system),
-        "95 % interval": _interval(system),
-        **({} if system.seeds else told(ours, metrics_in("comparison", "scores"))),
-        "p against the top": "top" if system is top else _against(top, system),
-        "fragments, paper": f"{paper['fragment']:g} %" if "fragment" in paper else "",
-        **told(ours, metrics_in("comparison", "costs")),
-    }
-
-
-def _accuracy(system: ReportedSystem) -> str:
-    """Return the accuracy with its counts, or the mean over seeds with its deviation."""
-    if not system.seeds:
-        return counted(summarise(system.outcomes))
-    return f"{system.accuracy:.1%} ± {stdev(system.seeds):.1%} ({len(system.seeds)} seeds)"
-
-
-def _interval(system: ReportedSystem) -> str:
-    """Return Wilson's interval of the counts; seeds have none, since they test the same samples."""
-    if system.seeds:
-        return ""
-    return METRICS["vote_ci95"].told(summarise(system.outcomes))
-
-
-def _against(top: ReportedSystem, system: ReportedSystem) -> str:
-    """Return p of the exact McNemar test against the row of highest accuracy, with its counts.
-
-    A system of fewer senses is compared on its part of each sample; a dash stands where the
-    samples are others, or where one of both has several seeds.
-    """
-    if top.seeds or system.seeds:
-        return "-"
-    pairs = pair(system.outcomes, top.outcomes)
-    if pairs is None or len(pairs) < len(top.outcomes):
-        return "-"
-    _, ours, others = zip(*pairs, strict=True)
-    only_top, only_own, p_value = mcnemar(others, ours)
-    return f"{p_value:.2g} ({only_top}:{only_own})"
-
-
 TEMPLATES = Path(__file__).parent
+BROAD = 800  # pixels; a figure of more has a row of the page for itself
 FILES = ("frontier.csv", "stability.csv")
-NOTES = """\
-Accuracy is that of whole samples, fragments that of single positions. Intervals are Wilson's. p is
-the exact McNemar test of the row against the top one, of the highest accuracy, on the same samples;
-in brackets are the samples that only the top row and only this row classified correctly.
-Milliseconds run from decoded recordings to the label on this machine; fit s is the training time of
-all folds of a row."""
 
 
 def write_report(
