@@ -12,7 +12,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from tex_lightning.classifier.card import CROSSVAL, LABEL, configured_card
+from tex_lightning.classifier.card import CROSSVAL, LABEL, Card, configured_card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, Folding, plain_values
 from tex_lightning.config.model import FUSION
@@ -20,6 +20,7 @@ from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import read_record
 from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.data.folds import make_samples, split, tested_part
+from tex_lightning.data.recordings import Recordings
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import RANDOM, write_results
 from tex_lightning.inference.prediction import name_conflict
@@ -206,23 +207,25 @@ def _test_network(
         sample = make_samples(parts.train, modalities)[0]
         result = {"test_samples": 0, **describe_network(classifier, checkpoint, sample, store)}
     if draw:
-        before = {name: entry for name, entry in networks.items() if name != kind}
-        tested = {**before, kind: result}
-        divisions = [config.data]
-        log_network(config, dataset, directory, training.loggers, tested, divisions, further)
+        tested, loggers = {**networks, kind: result}, training.loggers
+        log_network(config, dataset, directory, loggers, tested, [config.data], further)
     else:
         log_test(training.loggers, kind, plain_values(config), result)
-    if not samples:
+    _log_result(classifier.card, result, parts.train, config.data)
+    return result
+
+
+def _log_result(card: Card, result: Mapping[str, Any], train: Recordings, by: Folding) -> None:
+    """Log in one line what came out of a training and its test, if there was one."""
+    title, part = card.title, tested_part(by)
+    if result["test_samples"]:
+        log.info(
+            "%s, %s: %d of %d samples correct, trained in %.1f s.",
+            part[0].upper() + part[1:], title, result["correct"], result["test_samples"],
+            result["fit_seconds"],
+        )  # fmt: skip
+    else:
         log.info(
             "%s: trained on %d recordings in %.1f s, and not tested.",
-            classifier.card.title[0].upper() + classifier.card.title[1:],
-            sum(row.modality in modalities for row in parts.train), result["fit_seconds"],
+            title[0].upper() + title[1:], len(train.of(*card.modalities)), result["fit_seconds"],
         )  # fmt: skip
-        return result
-    part = tested_part(config.data)
-    log.info(
-        "%s, %s: %d of %d samples correct, trained in %.1f s.",
-        part[0].upper() + part[1:], classifier.card.title, result["correct"],
-        result["test_samples"], result["fit_seconds"],
-    )  # fmt: skip
-    return result
