@@ -188,11 +188,6 @@ def check_outputs(
 ) -> None:
     """Check the scores of recordings, and that a loaded checkpoint gives the same.
 
-    Args:
-        classifier: Classifier of a single sense.
-        rebuilt: The same, built anew; it gets the state of ``classifier``.
-        recordings: Decoded recordings.
-
     Raises:
         UserError: If a part does not keep its contract.
     """
@@ -212,11 +207,6 @@ def check_baseline(
     classifier: SurfaceClassifier, rebuilt: SurfaceClassifier, recordings: Sequence[Tensor]
 ) -> None:
     """Check the outputs of a fitted baseline, and that its state restores them.
-
-    Args:
-        classifier: Classifier with the fitted baseline.
-        rebuilt: The same, built anew; it gets the state of ``classifier``.
-        recordings: Decoded recordings that it was fitted to.
 
     Raises:
         UserError: If it does not keep its contract.

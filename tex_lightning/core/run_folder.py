@@ -96,11 +96,6 @@ def claim_folder(composed: DictConfig, values: dict[str, Any], job: "Job") -> No
     Hydra would write its own record before any check, so it is disabled
     and ``.hydra`` is written here.
 
-    Args:
-        composed: Configuration as Hydra composed it.
-        values: Dotted keys and values of the configuration.
-        job: Job with the run folder and the overrides.
-
     Raises:
         UserError: If another run lives there; nothing of it is changed.
     """

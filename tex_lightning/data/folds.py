@@ -189,14 +189,7 @@ def _part(row: Recording, by: Folding, *, trains: bool) -> str:
 
 
 def next_of_each(rows: Sequence[Recording], count: int, fold: int, folds: int) -> list[Recording]:
-    """Return the first ``count`` recordings of each class and sense after a fold, cyclically.
-
-    Args:
-        rows: Recordings with folds.
-        count: Number of recordings of each class and sense.
-        fold: The fold after which they are taken.
-        folds: Number of folds.
-    """
+    """Return the first ``count`` recordings of each class and sense after a fold, cyclically."""
 
     def place(row: Recording) -> tuple[int, Any]:
         assert row.fold is not None, "the reader's table has folds"

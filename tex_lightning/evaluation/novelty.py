@@ -43,15 +43,7 @@ def pool_unknown(
     directory: Path,
     rate: float | None,
 ) -> dict[str, Any]:
-    """Pool :func:`report_unknown` of several folds, whose files have the held-out samples.
-
-    Args:
-        folds: By folder the network's entry of ``results.json``.
-        known: Outcomes of the other classes by fold.
-        name: Name of the network.
-        directory: The run folder.
-        rate: ``decision.unknown``.
-    """
+    """Pool :func:`report_unknown` of several folds, whose files have the held-out samples."""
     files = [_file(fold, name) for fold in folds]
     unknown = [read_outcomes(file) if file.is_file() else [] for file in files]
     if pooled := [outcome for part in unknown for outcome in part]:

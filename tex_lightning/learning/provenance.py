@@ -141,12 +141,6 @@ def refuse_leak(test: Recordings, card: Card, who: str, data: Folding) -> None:
     Recordings are compared by the content of their files, whatever reader or folds they come from.
     Two parts of one file count as the same recording if they overlap.
 
-    Args:
-        test: Test recordings.
-        card: Card of the checkpoint.
-        who: Name of the checkpoint in the message.
-        data: Division into folds or by condition.
-
     Raises:
         UserError: Naming one such file and the fold that the checkpoint was tested on.
     """

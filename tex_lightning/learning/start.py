@@ -69,12 +69,6 @@ def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
 def load_start(path: Path, card: Card, test: Recordings, data: DataConfig) -> SurfaceClassifier:
     """Load a checkpoint of one sense, for FusionNet to start from.
 
-    Args:
-        path: The checkpoint.
-        card: Card of this sense's network as this run would train it.
-        test: The test recordings.
-        data: Division into folds or by condition.
-
     Raises:
         UserError: If it holds another kind of network or other classes, or was trained on test
             recordings.

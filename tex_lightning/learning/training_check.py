@@ -78,13 +78,6 @@ def check_custom_parts(
 ) -> None:
     """Check the contracts of senses that have parts of a user's.
 
-    Args:
-        config: Configuration of the training.
-        card: Card of the model, for the classes of the data.
-        senses: Senses of the model.
-        recordings: Decoded recordings.
-        store: Store of the decoded recordings.
-
     Raises:
         UserError: If a part does not keep its contract.
     """
@@ -98,11 +91,6 @@ def check_custom_parts(
 
 def check_sense(module: SurfaceModule, recordings: Recordings, store: Store) -> None:
     """Check one sense: train it on two recordings, save it and load it again.
-
-    Args:
-        module: Module that trains it, for the classes of the data.
-        recordings: Decoded recordings.
-        store: Store of the decoded recordings.
 
     Raises:
         UserError: If a part does not keep its contract.

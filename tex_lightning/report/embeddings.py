@@ -42,14 +42,7 @@ def projector_artifacts(
     outcomes: Sequence[Outcome],
     store: Store,
 ) -> Iterator[Points]:
-    """Yield the embeddings of each sense: those of training that are at hand, and of the test.
-
-    Args:
-        classifier: Trained network; one without statistics of embeddings gives none.
-        samples: The tested samples.
-        outcomes: Outcome of each.
-        store: Their recordings.
-    """
+    """Yield the embeddings of each sense: those of training that are at hand, and of the test."""
     for name, sense in classifier.senses.items():
         if classifier.statistics_of(name) is None:
             continue

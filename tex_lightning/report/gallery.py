@@ -36,13 +36,7 @@ def figure_artifacts(directory: Path, network: str) -> Iterator[Picture]:
 def text_artifacts(
     directory: Path, results: Mapping[str, Any], data: Mapping[str, str]
 ) -> Iterator[Words]:
-    """Yield the command of a run, what its data are and its results.
-
-    Args:
-        directory: The run folder.
-        results: Content of ``results.json`` as far as it is known: classes and networks.
-        data: Facts of the data by heading.
-    """
+    """Yield the command of a run, what its data are and its results."""
     command = shlex.join(["python", "-m", "tex_lightning", *typed_overrides(directory)])
     yield Words("1 command", f"    {printable(command)}")
     yield Words("2 data", _table([["data", ""], *map(list, data.items())]))
@@ -60,13 +54,7 @@ def _table(rows: list[list[str]]) -> str:
 def sample_artifacts(
     look: Callable[[int], ShownSample], outcomes: Sequence[Outcome], classes: Sequence[str]
 ) -> Iterator[Picture | Sound]:
-    """Yield the worst samples, and both sides of the most confused pairs with their sounds.
-
-    Args:
-        look: Renders the sample of an outcome by its number, each once.
-        outcomes: What became of all samples.
-        classes: Names of the classes.
-    """
+    """Yield the worst samples, and both sides of the most confused pairs with their sounds."""
     errors = sum(outcome.label != outcome.predicted for outcome in outcomes)
     for place, number in enumerate(worst(outcomes, min(WORST, max(errors, MIN_SHOWN))), 1):
         sample = look(number)
@@ -110,13 +98,7 @@ def side_of(outcomes: Sequence[Outcome], label: str, predicted: str | None = Non
 def pair_artifacts(
     directory: Path, networks: Iterable[str], classes: Sequence[str]
 ) -> Iterator[Words]:
-    """Yield a table of the pairs that one network confuses and another one tells apart.
-
-    Args:
-        directory: The run folder, with the predictions of all networks.
-        networks: Names of the networks.
-        classes: Names of the classes.
-    """
+    """Yield a table of the pairs that one network confuses and another one tells apart."""
     files = {name: directory / "predictions" / f"{name}.csv" for name in networks}
     outcomes = {name: read_outcomes(file) for name, file in files.items() if file.is_file()}
     rows = [

@@ -38,16 +38,7 @@ def keep_samples(
     samples: Sequence[Sample],
     classes: Sequence[str],
 ) -> None:
-    """Write the worst wrong samples of a network, and both sides of the pairs that it confuses.
-
-    Args:
-        directory: The run folder.
-        network: Name of the network.
-        look: Looks at the sample of an outcome, by its number.
-        outcomes: What became of all samples.
-        samples: The samples.
-        classes: Names of the classes.
-    """
+    """Write the worst wrong samples of a network, and both sides of the pairs that it confuses."""
     wrong = [n for n in worst(outcomes, MAX_WRONG) if outcomes[n].label != outcomes[n].predicted]
     pairs = []
     for pair in confused_pairs(outcomes, classes)[:PAIRS]:

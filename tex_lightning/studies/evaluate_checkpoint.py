@@ -106,16 +106,6 @@ def report_network(
 ) -> tuple[dict[str, Any], list[Outcome]]:
     """Test a network as prediction runs it; write its predictions into the run folder.
 
-    Args:
-        classifier: The network, on its device.
-        checkpoint: File of the checkpoint.
-        samples: Test samples, at least one.
-        store: Their recordings.
-        directory: The run folder.
-        config: Settings of engine and decision.
-        unknown: Samples of classes that were held out.
-        bins: Bins of conditions with many values.
-
     Returns:
         Its entry of ``results.json``, and what became of each sample.
     """

@@ -44,10 +44,6 @@ log = logging.getLogger(__name__)
 def open_training(config: Config, directory: Path) -> Dataset:
     """Check what a training is made of, and open its data set.
 
-    Args:
-        config: Where recordings come from, and the networks to train on them.
-        directory: The run folder.
-
     Raises:
         UserError: If the data or the networks cannot be used.
     """
