@@ -22,7 +22,7 @@ from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.errors import reason
 from tex_lightning.evaluation.metrics import logged_figures
 from tex_lightning.learning.module import SurfaceModule
-from tex_lightning.report.board import (
+from tex_lightning.report.artifacts import (
     MAX_NAME,
     UNUSUAL,
     Artifact,

@@ -11,7 +11,7 @@ import scipy
 
 from tex_lightning.core.console import console
 from tex_lightning.core.files import write_bytes
-from tex_lightning.report.board import png
+from tex_lightning.report.artifacts import png
 from tex_lightning.report.pictures import Pixels, row_of, shaded
 from tex_lightning.report.table import Table, make_table, read_or_empty
 

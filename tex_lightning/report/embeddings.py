@@ -16,7 +16,7 @@ from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store, load_recording
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import Outcome
-from tex_lightning.report.board import Pixels, Points
+from tex_lightning.report.artifacts import Pixels, Points
 from tex_lightning.report.pictures import shaded
 from tex_lightning.senses.base import Sense
 from tex_lightning.senses.signal import SignalSense

@@ -7,7 +7,7 @@ from typing import Any
 
 from tex_lightning.evaluation.confusion import confused_pairs, own_pairs
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
-from tex_lightning.report.board import Picture, Sound, Words, jpeg
+from tex_lightning.report.artifacts import Picture, Sound, Words, jpeg
 from tex_lightning.report.pictures import captioned
 from tex_lightning.report.samples import ShownSample, sample_picture, worst
 from tex_lightning.report.table import facts, markdown, typed_overrides

@@ -16,7 +16,7 @@ from tex_lightning.core.files import write_bytes, write_text
 from tex_lightning.data.folds import Sample
 from tex_lightning.evaluation.confusion import confused_pairs, own_pairs
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
-from tex_lightning.report.board import jpeg, wav
+from tex_lightning.report.artifacts import jpeg, wav
 from tex_lightning.report.gallery import PAIRS, side_of
 from tex_lightning.report.samples import ShownSample, ShownSense, worst
 from tex_lightning.report.table import Table, read_or_empty

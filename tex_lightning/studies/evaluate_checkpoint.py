@@ -30,7 +30,7 @@ from tex_lightning.inference.early_stopping import make_inference_model
 from tex_lightning.inference.engine import sample_macs
 from tex_lightning.inference.prediction import warn_of_few
 from tex_lightning.learning.loggers import log_test, trial_settings
-from tex_lightning.report.board import Artifact, shows
+from tex_lightning.report.artifacts import Artifact, shows
 from tex_lightning.report.embeddings import projector_artifacts
 from tex_lightning.report.figures import (
     calibration_figure,

@@ -27,7 +27,7 @@ from tex_lightning.inference.prediction import name_conflict
 from tex_lightning.learning.loggers import log_test
 from tex_lightning.learning.train import Training, train_networks
 from tex_lightning.learning.training_check import check_custom_parts, check_training
-from tex_lightning.report.board import Artifact
+from tex_lightning.report.artifacts import Artifact
 from tex_lightning.studies.dataset import Dataset, open_dataset
 from tex_lightning.studies.description import show_opening
 from tex_lightning.studies.evaluate_checkpoint import (

@@ -77,7 +77,7 @@ def folder_name(network: str) -> str:
     """Return the name of a network's events, such that names sort in the order of reading.
 
     Example:
-        >>> from tex_lightning.report.board import folder_name
+        >>> from tex_lightning.report.artifacts import folder_name
         >>> sorted(map(folder_name, ("fusion", "force", "visual", "haptic")))
         ['1-haptic', '2-visual', '4-force', '5-fusion']
     """
