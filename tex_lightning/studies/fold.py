@@ -104,7 +104,9 @@ def run_fold(
     home: Path,
     *,
     begin: float | None = None,
-    **options: Any,  # noqa: ANN401
+    draw: bool = False,
+    test_parts: bool = True,
+    networks_in: Path | None = None,
 ) -> dict[str, Any]:
     """Train and test on one fold; write its ``results.json`` and return it.
 
@@ -112,7 +114,9 @@ def run_fold(
     :func:`fit_fold`. A process that is not rank zero has no results.
     """
     begin = time.perf_counter() if begin is None else begin
-    networks = fit_fold(config, dataset, home, **options)
+    networks = fit_fold(
+        config, dataset, home, draw=draw, test_parts=test_parts, networks_in=networks_in
+    )
     if not is_rank_zero():
         return {}
     results = training_results(config, dataset, networks, time.perf_counter() - begin)
