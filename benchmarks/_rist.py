@@ -11,6 +11,8 @@ from sklearn.preprocessing import FunctionTransformer
 class ShortRist(RISTClassifier):  # type: ignore[misc]
     """RIST without autoregressive coefficients, for which aeon asks for statsmodels."""
 
+    _tags = {"python_dependencies": None}  # noqa: RUF012  (asked for before a class is made)
+
     def __init__(self, random_state: int) -> None:
         series = [None, FunctionTransformer(first_order_differences_3d), PeriodogramTransformer()]
         super().__init__(series_transformers=series, random_state=random_state)

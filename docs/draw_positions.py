@@ -17,7 +17,6 @@ from matplotlib.patches import Patch
 import tex_lightning as tl
 from tex_lightning.evaluation.outcomes import read_outcomes
 from tex_lightning.report.pictures import input_pixels
-from tex_lightning.report.samples import fragment_classes
 from tex_lightning.report.style import COLOURS, styled
 
 OUT = Path(__file__).with_name("positions.png")
@@ -65,7 +64,7 @@ def draw(run: Path) -> None:
     with torch.inference_mode():
         for column, (name, recording) in enumerate(joined(run).items()):
             sense = model.classifier.senses[name]
-            found = fragment_classes(model.classifier, name, recording).numpy()
+            found = model.classifier.fragment_scores(name, recording).argmax(dim=0).numpy()
             truth = np.array([classes.index(label) for label in labels]).repeat(50)[None]
             places = (np.arange(found.shape[1]) + 0.5) / found.shape[1]
             right = found == np.array([classes.index(labels[int(at >= 0.5)]) for at in places])

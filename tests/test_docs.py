@@ -106,6 +106,12 @@ def script(name: str) -> dict[str, Any]:
         return runpy.run_path(str(ROOT / "docs" / f"{name}.py"))
 
 
+def test_every_script_takes_names_that_there_are():
+    for path in (ROOT / "docs").glob("*.py"):
+        if path.stem != "conf":  # which needs the extra docs
+            assert script(path.stem)
+
+
 def test_drawings_and_tables_of_layers_are_those_of_the_code():
     made = script("draw_networks")["made_files"]()
     assert {path.name for path in made} == {
