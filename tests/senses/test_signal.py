@@ -141,6 +141,10 @@ def test_spectrograms_are_normalised_by_the_training_set(surfaces, tmp_path):
     torch.testing.assert_close(frames.mean(dim=1), torch.zeros(50), atol=1e-3, rtol=0)
     whole = sense(torch.from_numpy(np.array(store.load(rows[2]))))[0]
     torch.testing.assert_close(bank.inputs[2], whole)
+    pieces = bank.cut(np.zeros(40, int), np.random.default_rng(0))
+    expected = sense.features.louder(pieces["input"], pieces["decibels"])
+    assert torch.equal(sense.training_input(pieces, 192), expected)
+    assert not torch.equal(expected, pieces["input"])
 
 
 @pytest.mark.parametrize(("samples", "axes"), [(2000, 1), (20, 1), (2000, 2)])

@@ -30,6 +30,7 @@ from tex_lightning_runtime.times import UNITS
 from tex_lightning_runtime.traces import TRACE_SUFFIXES, read_samples
 
 RATE_TOLERANCE = 0.01  # relative difference allowed between a stated rate and the file's own
+SLOW_RATE = 500.0  # Hz; below it a signal's level and direction tell much: pressure, gravity
 ASSUMED = "an assumption"
 RATES = f"[{MIN_RATE:g}, {MAX_RATE:g}]"
 log = logging.getLogger(__name__)

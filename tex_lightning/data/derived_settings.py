@@ -18,7 +18,13 @@ from tex_lightning.config.composition import Job
 from tex_lightning.config.instantiation import find_class
 from tex_lightning.config.overrides import key_of, parsed_overrides
 from tex_lightning.config.tasks import TRAINING
-from tex_lightning.data.decode import SignalDecoder, check_decoding, keeping_traces, read_trace
+from tex_lightning.data.decode import (
+    SLOW_RATE,
+    SignalDecoder,
+    check_decoding,
+    keeping_traces,
+    read_trace,
+)
 from tex_lightning.data.folds import count_folds
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recording, Recordings
@@ -40,7 +46,6 @@ SUBSETS = ("frontier=senses", "frontier.senses=")  # of the senses of one model
 PAPERS_RATE = 10_000.0  # Hz; more is not kept unless asked for
 LOOKED_AT = 20  # recordings, beside one of each class, that the rate is taken from
 RATE = "data.sampling_rate"
-SLOW_RATE = 500.0  # Hz; below it a signal's level and direction tell much: pressure, gravity
 
 
 def derive_settings(

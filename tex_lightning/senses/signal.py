@@ -133,6 +133,7 @@ class SignalSense(Sense):
             features.fit(raw[: len(rows)])
         versions = len(raw) // len(rows)
         bank = InputBank(map(self._normalised, raw), size, versions)
+        bank.other_gain = 0.0 if self.spectrogram is None else self.spectrogram.other_gain
         taken = _taken(self.network)
         if "pieces" in taken and getattr(self.network, "cuts", True):
             bank.pieces = [*self._pieces(rows, store, seed)]
@@ -217,8 +218,9 @@ class SignalSense(Sense):
     def training_input(
         self, pieces: Mapping[str, Tensor], size: int, change: Change | None = None
     ) -> Tensor:
-        """Return the sub-samples as they are."""
-        return pieces["input"]
+        """Return the sub-samples, some of them as of other gains; see the base class."""
+        x, decibels, features = pieces["input"], pieces.get("decibels"), self.spectrogram
+        return x if decibels is None or features is None else features.louder(x, decibels)
 
     def decode_input(
         self,

@@ -198,3 +198,21 @@ def test_bands_of_the_training_set_have_mean_0_and_deviation_1():
     bands = torch.cat([features.normalise(each) for each in magnitudes], dim=1)
     torch.testing.assert_close(bands.mean(dim=1), torch.zeros(len(bands)), rtol=0, atol=1e-4)
     torch.testing.assert_close(bands.std(dim=1), torch.ones(len(bands)), rtol=0, atol=1e-3)
+
+
+def test_louder_inputs_are_those_of_louder_signals():
+    features = SpectrogramFeatures(sampling_rate=2000.0)
+    generator = torch.Generator().manual_seed(0)
+    traces = [torch.randn(1, 4000, generator=generator) for _ in range(4)]
+    features.fit([features.magnitudes(trace) for trace in traces])
+    decibels = torch.tensor([0.0, 20.0, -20.0, 3.0])
+    found = features.louder(torch.cat([features(trace) for trace in traces]), decibels)
+    for row, trace in enumerate(traces):
+        louder = features(trace * 10 ** (float(decibels[row]) / 20))
+        torch.testing.assert_close(found[row : row + 1], louder, rtol=0, atol=1e-4)
+
+
+@pytest.mark.parametrize(("rate", "gain"), [(499.0, 0.0), (500.0, 20.0), (44_100.0, 20.0)])
+def test_levels_of_slow_signals_tell_the_material(rate, gain):
+    assert SpectrogramFeatures(sampling_rate=rate).other_gain == gain
+    assert SpectrogramFeatures(sampling_rate=rate, normalisation="paper").other_gain == 0
