@@ -20,6 +20,7 @@ IN_CACHE = 1 << 17  # samples that are summed together, which the processor keep
 # A spike is one sample or two. It lies outside of the range of the samples 2 to 8 before and after
 # it, by more than three times that range.
 NEXT, AROUND, OUTSIDE = 2, 8, 3.0
+FEW, RECENT_SECONDS = 5, 4  # more in so short a time are impacts, as of ridges under a slow sensor
 BESSEL = (  # Chebyshev coefficients of exp(-x) I0(x) in [0, 8], as in Cephes
     -4.4153416464793395e-18, 3.3307945188222384e-17, -2.431279846547955e-16, 1.715391285555133e-15,
     -1.1685332877993451e-14, 7.676185498604936e-14, -4.856446783111929e-13, 2.95505266312964e-12,
@@ -52,33 +53,56 @@ def to_rate(trace: Array, source: float, target: float, name: str, remedy: str =
             f"{name} has a sampling rate of {source:g} Hz, so that it would become "
             f"{float(count):g} samples at {target:g} Hz; correct that rate, or divide the file."
         )
-    trace = without_spikes(trace)
+    return resampled(without_spikes(trace, source, find_spikes(trace)), ratio)
+
+
+def resampled(trace: Array, ratio: Fraction) -> Array:
+    """Return (axes, samples) float32 at ``ratio`` times their rate."""
     if ratio != 1:
         trace = resample_poly(trace, *ratio.as_integer_ratio())
     return np.ascontiguousarray(trace, dtype=np.float32)
 
 
-def without_spikes(trace: Array) -> Array:
+def without_spikes(trace: Array, rate: float, spikes: Array) -> Array:
     """Return a signal (axes, samples) whose spikes are means of the samples around them.
 
     Faults of a cable, a converter or a transmission change every band of every frame that they are
-    in. A sensor with a filter before its converter measures nothing as short. Where all samples
-    around one are equal, it counts as measured: coarse converters give the like.
+    in. More than five of an axis within 4 s are none, but impacts, which are as short at a low
+    rate; those after the fifth stay.
+
+    Args:
+        trace: The samples.
+        rate: Their rate in Hz.
+        spikes: What :func:`find_spikes` finds in them, and in what was before them.
     """
-    given = trace
+    axes, places = spikes[np.lexsort(spikes.T[::-1])].T
+    late = np.flatnonzero(axes[FEW:] == axes[:-FEW]) + FEW
+    late = late[places[late] - places[late - FEW] <= RECENT_SECONDS * rate]
+    mended = np.delete(np.arange(len(places)), late)
+    axes, places = (each[mended[places[mended] >= 0]] for each in (axes, places))
+    if len(places):
+        before, after = trace[axes, places - NEXT], trace[axes, places + NEXT]
+        trace = trace.copy()
+        trace[axes, places] = (before + after) / 2
+    return trace
+
+
+def find_spikes(trace: Array) -> Array:
+    """Return axis and place (spikes, 2) of samples far outside of those around them.
+
+    A sensor with a filter before its converter measures nothing as short. Where all samples around
+    one are equal, it counts as measured: coarse converters give the like.
+    """
+    found = [np.zeros((0, 2), np.int64)]
     for begin in range(0, trace.shape[1] - 2 * AROUND, IN_CACHE):
-        part = given[:, begin : begin + IN_CACHE + 2 * AROUND]
+        part = trace[:, begin : begin + IN_CACHE + 2 * AROUND]
         inner = part[:, AROUND:-AROUND]
         highest, lowest = (_of_side(part, best) for best in (np.maximum, np.minimum))
         spread = highest - lowest
         outside = np.maximum(inner - highest, lowest - inner)
-        spikes = (outside > OUTSIDE * spread) & (spread > 0)
-        if spikes.any():
-            trace = given.copy() if trace is given else trace
-            axes, places = np.nonzero(spikes)
-            before, after = part[axes, places + AROUND - NEXT], part[axes, places + AROUND + NEXT]
-            trace[axes, begin + AROUND + places] = (before + after) / 2
-    return trace
+        axes, places = np.nonzero((outside > OUTSIDE * spread) & (spread > 0))
+        found.append(np.stack((axes, begin + AROUND + places), axis=1))
+    return np.concatenate(found)
 
 
 def _of_side(part: Array, best: np.ufunc) -> Array:

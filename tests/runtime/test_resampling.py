@@ -7,7 +7,13 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from tex_lightning_runtime.errors import UserError
-from tex_lightning_runtime.resampling import rate_ratio, resample_poly, to_rate, without_spikes
+from tex_lightning_runtime.resampling import (
+    find_spikes,
+    rate_ratio,
+    resample_poly,
+    to_rate,
+    without_spikes,
+)
 
 RATES = st.sampled_from([1_000, 2_200, 8_000, 9_973.1, 10_000, 20_000, 44_100, 48_000])
 
@@ -69,7 +75,7 @@ WAVES = {  # that are measured: nothing in them is a spike
 
 @pytest.mark.parametrize("name", WAVES)
 def test_what_is_measured_stays_as_it_is(name):
-    assert without_spikes(WAVES[name]) is WAVES[name]
+    assert not len(find_spikes(WAVES[name]))
 
 
 @pytest.mark.parametrize("length", [1, 2])
@@ -78,12 +84,23 @@ def test_what_is_measured_stays_as_it_is(name):
 def test_spikes_go_and_nothing_else_changes(monkeypatch, length, height, together):
     monkeypatch.setattr("tex_lightning_runtime.resampling.IN_CACHE", together)
     clean = 400 + 10 * signal.sosfilt(signal.butter(4, 0.3, output="sos"), noise(3, 3_000, "f8"))
-    places = np.arange(20, 2_900, 37)[:, None] + np.arange(length)
+    places = np.arange(20, 2_900, 137)[:, None] + np.arange(length)
     spoilt = clean.copy()
     spoilt[1, places] += 10 * height
-    found = without_spikes(spoilt)
+    found = without_spikes(spoilt, 50, find_spikes(spoilt))
     changed = found != spoilt
     assert set(np.flatnonzero(changed[1])) == set(places.flat)
     assert not changed[[0, 2]].any()
     assert np.abs(found - clean).max() < 4 * clean.std()  # of a step of ten times that
-    np.testing.assert_array_equal(to_rate(spoilt, 1_000, 1_000, "it"), found.astype(np.float32))
+    np.testing.assert_array_equal(to_rate(spoilt, 50, 50, "it"), found.astype(np.float32))
+
+
+@pytest.mark.parametrize("together", [50, 1 << 17])
+def test_five_spikes_in_four_seconds_go_and_what_recurs_stays(monkeypatch, together):
+    monkeypatch.setattr("tex_lightning_runtime.resampling.IN_CACHE", together)
+    places = [*range(100, 1_300, 60), 2_000]  # of impacts at 100 Hz
+    impacts = 0.01 * noise(2, 2_100, "f8")
+    impacts[1, places] += 1
+    found = without_spikes(impacts, 100, find_spikes(impacts))
+    assert np.flatnonzero((found != impacts)[1]).tolist() == [*places[:5], places[-1]]
+    assert not (found != impacts)[0].any()

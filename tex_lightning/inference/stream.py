@@ -24,7 +24,15 @@ from tex_lightning.inference.prediction import Prediction, make_prediction
 from tex_lightning.inference.running_vote import RunningVote, running_vote
 from tex_lightning.senses.signal import SignalSense
 from tex_lightning_runtime.quality import Level, Quality, Ranges, Survey, limits, together
-from tex_lightning_runtime.resampling import AROUND, REACH, rate_ratio, to_rate
+from tex_lightning_runtime.resampling import (
+    AROUND,
+    REACH,
+    RECENT_SECONDS,
+    find_spikes,
+    rate_ratio,
+    resampled,
+    without_spikes,
+)  # fmt: skip
 from tex_lightning_runtime.samples import as_trace
 
 MIN_SECONDS = 0.3  # of a window that votes
@@ -92,6 +100,7 @@ class ResampledSignal(LiveSignal):
         super().__init__(sense, rate)
         self.usual, self.survey, self.level = limits(ranges), Survey(), Level()
         self.dropped = self.given = 0  # samples, before and after resampling
+        self.spikes: Array = np.zeros((0, 2), np.int64)  # axis and place of the last dropped ones
 
     def take(self, samples: Any) -> tuple[Tensor, Tensor, Quality]:  # noqa: ANN401
         """Append samples; return what is new at the checkpoint's rate, and the quality so far.
@@ -119,11 +128,15 @@ class ResampledSignal(LiveSignal):
         assert kept is not None
         half = AROUND * up + (REACH * max(up, down) if self.ratio != 1 else 0)  # in 1 / up samples
         final = max(self.given, (self.samples * up - half - 1) // down + 1)
-        target, name = self.sense.decoder.sampling_rate, self.sense.modality
-        every = to_rate(kept, self.rate, target, name)[:, self.given - self.dropped * up // down :]
+        spikes = np.concatenate((np.subtract(self.spikes, (0, self.dropped)), find_spikes(kept)))
+        every = resampled(without_spikes(kept, self.rate, spikes), self.ratio)
+        every = every[:, self.given - self.dropped * up // down :]
         new, ahead = every[:, : final - self.given].copy(), every[:, final - self.given :].copy()
         self.given = final
         needed = max(0, (final * down - half) // up // down * down)
+        ago = needed + AROUND - self.dropped - spikes[:, 1]  # 0 and below are found again
+        recent = spikes[(ago > 0) & (ago <= AROUND + RECENT_SECONDS * self.rate)]
+        self.spikes = np.add(recent, (0, self.dropped))
         self.kept, self.dropped = kept[:, needed - self.dropped :].copy(), needed
         return new, ahead
 

@@ -10,6 +10,7 @@ const SAME_RATE = 0.005; // by which clocks of the same rate may differ; such sa
 const MAX_DENOMINATOR = 10000n;
 // As without_spikes of the Python package: two samples at most, far outside of those on both sides.
 const [NEXT, AROUND, OUTSIDE] = [2, 8, 3];
+const [FEW, RECENT_SECONDS] = [5, 4]; // more in so short a time are impacts
 
 /**
  * Take the spikes out of a signal and bring it to another rate.
@@ -24,7 +25,7 @@ const [NEXT, AROUND, OUTSIDE] = [2, 8, 3];
  */
 export function resample(samples, source, target) {
   const [up, down] = rateRatio(source, target);
-  samples = withoutSpikes(samples);
+  samples = withoutSpikes(samples, source);
   if (up === down) return Float32Array.from(samples);
   const half = REACH * Math.max(up, down);
   const filter = lowPass(half, Math.max(up, down), up, samples.constructor);
@@ -45,8 +46,8 @@ export function resample(samples, source, target) {
 }
 
 /** A signal whose spikes are means of the samples around them. */
-function withoutSpikes(samples) {
-  const found = samples.slice();
+function withoutSpikes(samples, rate) {
+  const [found, places] = [samples.slice(), []];
   for (let i = AROUND; i < samples.length - AROUND; i++) {
     let [low, high] = [Infinity, -Infinity];
     for (let k = NEXT; k <= AROUND; k++) {
@@ -55,6 +56,8 @@ function withoutSpikes(samples) {
     }
     const outside = Math.max(samples[i] - high, low - samples[i]);
     if (high > low && outside > OUTSIDE * (high - low)) {
+      const earlier = places[places.push(i) - 1 - FEW];
+      if (earlier !== undefined && i - earlier <= RECENT_SECONDS * rate) continue;
       found[i] = (samples[i - NEXT] + samples[i + NEXT]) / 2;
     }
   }
