@@ -13,6 +13,7 @@ from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
 from tex_lightning.networks.linear import LinearNet
 from tex_lightning.senses.features.proportions import BandProportions
+from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 from tex_lightning.senses.signal import SignalSense
 
 RATE = 1000.0
@@ -145,6 +146,15 @@ def test_spectrograms_are_normalised_by_the_training_set(surfaces, tmp_path):
     expected = sense.features.louder(pieces["input"], pieces["decibels"])
     assert torch.equal(sense.training_input(pieces, 192), expected)
     assert not torch.equal(expected, pieces["input"])
+
+    class Own(SpectrogramFeatures):
+        def normalise(self, magnitudes):
+            return magnitudes
+
+    sense.features = Own(sampling_rate=sense.decoder.sampling_rate)
+    assert sense.features.other_gain == 20
+    bank = sense.bank(rows, store, FIT, size=192, seed=0, learn=True)
+    assert bank.cut(np.zeros(40, int), np.random.default_rng(0)).keys() == {"input"}
 
 
 @pytest.mark.parametrize(("samples", "axes"), [(2000, 1), (20, 1), (2000, 2)])

@@ -133,7 +133,9 @@ class SignalSense(Sense):
             features.fit(raw[: len(rows)])
         versions = len(raw) // len(rows)
         bank = InputBank(map(self._normalised, raw), size, versions)
-        bank.other_gain = 0.0 if self.spectrogram is None else self.spectrogram.other_gain
+        standardised = SpectrogramFeatures.normalise  # what louder() undoes
+        if getattr(type(features), "normalise", None) is standardised:
+            bank.other_gain = features.other_gain
         taken = _taken(self.network)
         if "pieces" in taken and getattr(self.network, "cuts", True):
             bank.pieces = [*self._pieces(rows, store, seed)]
