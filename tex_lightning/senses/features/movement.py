@@ -40,9 +40,11 @@ def movement_start(trace: Tensor, sampling_rate: float) -> int:
     centred = trace - trace[:, :quiet].median(dim=-1, keepdim=True).values
     strength = centred.square().sum(dim=0).sqrt()
     level = strength[:quiet].mean()
+    burst = strength[quiet:search] > IMPACT_FACTOR * level
+    if not burst.any():  # before sums that take longer
+        return 0
     after = strength[quiet + settling :].double().cumsum(0)  # a later sample changes no sum
     steady = after[quiet:] - after[:-quiet] > STEADY_FACTOR * level * quiet
-    burst = strength[quiet:search] > IMPACT_FACTOR * level
     touches = (burst[: len(steady)] & steady[: len(burst)]).nonzero()
     return quiet + int(touches[0]) + settling if len(touches) else 0
 
@@ -57,8 +59,16 @@ def block_length(sampling_rate: float) -> int | None:
 def resting(trace: Tensor, sampling_rate: float, length: int) -> Tensor:
     """Return which samples (samples,) of a signal (axes, samples) belong to a rest.
 
+    It can be traced for export; arguments are those of :func:`resting_blocks`.
+    """
+    return of_samples(resting_blocks(trace, sampling_rate, length), trace.shape[-1], length)
+
+
+def resting_blocks(trace: Tensor, sampling_rate: float, length: int) -> Tensor:
+    """Return which blocks (blocks,) of a signal belong to a rest.
+
     A rest is at least 0.4 s of blocks whose power without their mean is far below that of the loud
-    ones. It can be traced for export.
+    ones.
 
     Args:
         trace: (axes, samples), at least one block long.
@@ -66,11 +76,14 @@ def resting(trace: Tensor, sampling_rate: float, length: int) -> Tensor:
         length: Samples of a block.
     """
     power = block_power(trace, length)
-    count = power.shape[0]
-    loud = power.sort().values[LOUD * (count - 1) // 10]
-    rest = in_runs(power < REST_POWER * loud, run_length(sampling_rate, length))
-    block = torch.arange(trace.shape[-1], device=trace.device) // length
-    return rest[block.clamp(max=count - 1)]
+    loud = power.sort().values[LOUD * (power.shape[0] - 1) // 10]
+    return in_runs(power < REST_POWER * loud, run_length(sampling_rate, length))
+
+
+def of_samples(blocks: Tensor, samples: int, length: int) -> Tensor:
+    """Return for each of the samples what is true of its block, or of the last whole one."""
+    block = torch.arange(samples, device=blocks.device) // length
+    return blocks[block.clamp(max=blocks.shape[0] - 1)]
 
 
 def run_length(sampling_rate: float, length: int) -> int:
@@ -111,8 +124,8 @@ def moving(trace: Tensor, sampling_rate: float, *, pieces: bool = True) -> Tenso
     length = block_length(sampling_rate)
     if length is None or trace.shape[-1] < length:
         return trace
-    rest = resting(trace, sampling_rate, length)
+    rest = resting_blocks(trace, sampling_rate, length)
     if not bool(rest.any()):
         return trace
-    kept = (~rest).nonzero()[:, 0]
+    kept = (~of_samples(rest, trace.shape[-1], length)).nonzero()[:, 0]
     return trace[:, kept] if pieces else trace[:, : int(kept[-1]) + 1]

@@ -15,6 +15,7 @@ import numpy as np
 import scipy  # whose parts are loaded when they are used
 import torch
 from torch import Tensor, nn
+from torch.nn.functional import embedding_bag
 
 from tex_lightning.core.devices import is_at_hand
 from tex_lightning.errors import UserError
@@ -256,12 +257,12 @@ class BandProportions(nn.Module):
         frames = (frames - frames.mean(dim=-1, keepdim=True)).mul_(window)
         squares = torch.view_as_real(torch.fft.rfft(frames)).square_()
         power = squares[..., 0] + squares[..., 1]
-        power = power if self.apart else power.sum(dim=0, keepdim=True)
+        power = power if self.apart else joined(power)
         sums = [
             power[..., channels] @ filters[channels, bands]
             for bands, channels in self.ranges[index]
         ]
-        power = torch.cat(sums, dim=-1) / window.sum().square()
+        power = torch.cat(sums, dim=-1).div_(window.sum().square())
         return self.compare(power, index)[first - before :]
 
     def count_frames(self, samples: int, index: int) -> int:
@@ -287,15 +288,15 @@ class BandProportions(nn.Module):
             power: (axes, frames, bands).
             index: Number of the window.
         """
-        joined = (power.sum(dim=0, keepdim=True), power)[: 1 + bool(self.apart)]
         responses = []
-        for part in joined:  # a floor of the frame's own power, so that gain leaves its shape
+        for part in (joined(power), power)[: 1 + bool(self.apart)]:
+            # a floor of the frame's own power, so that gain leaves its shape
             floor = FLOOR * part.mean(dim=2, keepdim=True) + SILENCE * self.level
-            logs = ((part + floor) / self.level).log_()
+            logs = (part + floor).div_(self.level).log_()
             if self.knows_usual:
                 logs = without_empty(logs, *self.get_buffer(f"usual{index}"))
             responses.append(compared(logs, self.gaps[index], len(self.kinds)))
-        return torch.cat(responses, dim=1)
+        return responses[0] if len(responses) == 1 else torch.cat(responses, dim=1)
 
     def learn(self, traces: Sequence[Tensor]) -> None:
         """Take level, thresholds, and which windows fit, from at most 2,000 of the training set.
@@ -426,10 +427,11 @@ class BandProportions(nn.Module):
         limits, bands = self.get_buffer(f"thresholds{index}"), self.sizes[index]
         above, means = Moments(frames, fragments), Moments(frames, fragments)
         for responses in blocks:  # as numbers: faster than a comparison as booleans
-            above.add((responses - limits[:, None]).gt_(0))
+            above.add((responses[:, None] - limits).gt_(0).flatten(1))
             kept = responses[:, : sum(bands if self.levels else bands[:2])]
             means.add(kept, squares=self.levels > 0)
-        parts = [above.mean.permute(2, 0, 1).flatten(0, 1), means.mean.T[: sum(bands[:2])]]
+        shares = above.mean.reshape(-1, *limits.shape).permute(2, 1, 0).flatten(0, 1)
+        parts = [shares, means.mean.T[: sum(bands[:2])]]
         return torch.cat((*parts, means.variance.T.sqrt()) if self.levels else parts)
 
     def join(
@@ -485,7 +487,7 @@ class Moments:
         fragments: Number of fragments, at most that of rows.
 
     Attributes:
-        mean: (..., fragments, D) of the rows in each fragment.
+        mean: (fragments, D) of the rows in each fragment.
     """
 
     mean: Tensor
@@ -496,26 +498,27 @@ class Moments:
         self.rows, self.fragments, self.before = rows, fragments, 0
 
     def add(self, block: Tensor, *, squares: bool = False) -> None:
-        """Add the next rows (..., block, D), and their squared deviations if ``squares``."""
-        if torch.compiler.is_exporting() or block.shape[-2] == self.rows:
+        """Add the next rows (block, D), and their squared deviations if ``squares``."""
+        if torch.compiler.is_exporting() or is_at_hand(block) or block.shape[0] == self.rows:
             self._add(block, squares)
             return
         size = max(1, PARTS * self.rows // self.fragments)
-        for some in torch.split(block, size, dim=-2):  # with many fragments most products are 0
+        for some in torch.split(block, size):  # with many fragments most products are 0
             self._add(some, squares)
 
     def _add(self, block: Tensor, squares: bool) -> None:
         rows, fragments, first = self.rows, self.fragments, self.before
-        self.before += block.shape[-2]
+        self.before += block.shape[0]
         whole = first == 0 and self.before == rows
         start = 0 if whole else first * fragments // rows
         stop = fragments if whole else (self.before - 1) * fragments // rows + 1
-        places = torch.arange(first, self.before, device=block.device) * fragments // rows - start
-        parts = torch.arange(stop - start, device=block.device)
-        member = (places[:, None] == parts).to(block.dtype).T
-        counts = member.sum(dim=1, keepdim=True)
-        mean = member @ block / counts
-        around = member @ (block - mean[places]).square() if squares else None
+        every = torch.arange(start, stop + 1, device=block.device)
+        bounds = ((every * rows + fragments - 1) // fragments - first).clamp_(0, block.shape[0])
+        counts = bounds.diff()[:, None].to(block.dtype)
+        mean, around = sums_between(bounds, block) / counts, None
+        if squares:
+            place = torch.arange(first, self.before, device=block.device) * fragments // rows
+            around = sums_between(bounds, (block - mean[place - start]).square_())
         if whole:
             self.mean, self.counts = mean, counts
             self.squares = mean if around is None else around
@@ -523,27 +526,41 @@ class Moments:
             self._join(slice(start, stop), counts, mean, around)
 
     def _join(self, part: slice, counts: Tensor, mean: Tensor, squares: Tensor | None) -> None:
-        """Join counts (parts, 1), means and squares (..., parts, D) with those before."""
+        """Join counts (parts, 1), means and squares (parts, D) with those before."""
         if part.start == 0 and not hasattr(self, "mean"):
-            self.mean = mean.new_zeros(*mean.shape[:-2], self.fragments, mean.shape[-1])
+            self.mean = mean.new_zeros(self.fragments, mean.shape[-1])
             self.squares = torch.zeros_like(self.mean) if squares is not None else self.mean
             self.counts = mean.new_zeros(self.fragments, 1)
-        before, away = self.counts[part].clone(), mean - self.mean[..., part, :]
+        before, away = self.counts[part].clone(), mean - self.mean[part]
         self.counts[part] += counts
         share = counts / self.counts[part]
-        self.mean[..., part, :] += away * share
+        self.mean[part] += away * share
         if squares is not None:
-            self.squares[..., part, :] += squares + away.square() * (before * share)
+            self.squares[part] += squares + away.square() * (before * share)
 
     @property
     def variance(self) -> Tensor:
-        """Variance (..., fragments, D) in each fragment, of rows that were added with squares."""
+        """Variance (fragments, D) in each fragment, of rows that were added with squares."""
         return self.squares / self.counts
+
+
+def sums_between(bounds: Tensor, rows: Tensor) -> Tensor:
+    """Return the sums (segments, D) of rows (n, D) from each of the bounds to the next one."""
+    places = torch.arange(rows.shape[0], device=rows.device)
+    if is_at_hand(rows):  # a product, most of whose factors are 0, takes five times as long
+        return embedding_bag(places, rows.contiguous(), bounds[:-1], mode="sum")
+    member = (places >= bounds[:-1, None]) & (places < bounds[1:, None])
+    return member.to(rows.dtype) @ rows
 
 
 def hop_length(length: int) -> int:
     """Return the samples between the starts of frames of so many samples."""
     return max(1, round(length / OVERLAP))
+
+
+def joined(power: Tensor) -> Tensor:
+    """Return power (axes, ...) of all axes together (1, ...)."""
+    return power if len(power) == 1 else power.sum(dim=0, keepdim=True)
 
 
 def without_empty(logs: Tensor, usual: Tensor, depth: Tensor) -> Tensor:
@@ -583,7 +600,7 @@ def compared(bands: Tensor, gap: int, kinds: int) -> Tensor:
     """
     earlier = (torch.arange(bands.shape[1], device=bands.device) - OVERLAP).clamp_min(0)
     relative, steps = bands - bands.mean(dim=2, keepdim=True), bands[..., gap:] - bands[..., :-gap]
-    comparisons = (relative, steps, bands - bands[:, earlier], bands)[:kinds]
+    comparisons = (relative, steps, bands - bands.index_select(1, earlier), bands)[:kinds]
     return torch.cat([part.transpose(0, 1).flatten(1) for part in comparisons], dim=1)
 
 
