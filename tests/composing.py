@@ -1,9 +1,9 @@
 """Hydra's composition of the same files, once a process.
 
 Most tests compose the package's configuration, and a composition reads forty files again. What
-depends on the files and the chosen options alone is kept: the list of defaults, and what they merge
-to. Values that are given are put in each time, and whatever a user's folders take part in is
-composed anew.
+depends on the files and the chosen options alone is kept: the content of a file, the list of
+defaults, and what they merge to. Values that are given are put in each time, and whatever a user's
+folders take part in is composed anew.
 """
 
 import copy
@@ -14,9 +14,11 @@ import pytest
 from hydra._internal import config_loader_impl
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra._internal.config_repository import IConfigRepository
+from hydra._internal.core_plugins.file_config_source import FileConfigSource
 from hydra._internal.defaults_list import DefaultsList
 from hydra.core.config_store import ConfigStore
 from hydra.core.override_parser.types import Override
+from hydra.plugins.config_source import ConfigResult
 from omegaconf import DictConfig
 
 from tex_lightning.config import CONF
@@ -30,6 +32,14 @@ def compose_once(patch: pytest.MonkeyPatch) -> None:
     merged: dict[object, DictConfig] = {}
     list_defaults = config_loader_impl.create_defaults_list
     merge = ConfigLoaderImpl._compose_config_from_defaults_list
+    load, files = FileConfigSource.load_config, dict[str, ConfigResult]()
+
+    def once_loaded(self: FileConfigSource, config_path: str) -> ConfigResult:
+        if self.path not in OWN:
+            return load(self, config_path)
+        if config_path not in files:
+            files[config_path] = load(self, config_path)
+        return copy.deepcopy(files[config_path])
 
     def once_listed(
         repo: IConfigRepository, config_name: str, overrides_list: list[Override], **how: Any
@@ -60,6 +70,7 @@ def compose_once(patch: pytest.MonkeyPatch) -> None:
 
     # with each composition Hydra copies the registered schemas, which it does not change
     patch.setattr(ConfigStore, "__deepcopy__", lambda store, _: store, raising=False)
+    patch.setattr(FileConfigSource, "load_config", once_loaded)
     patch.setattr(config_loader_impl, "create_defaults_list", once_listed)
     patch.setattr(ConfigLoaderImpl, "_compose_config_from_defaults_list", once_merged)
 

@@ -4,8 +4,8 @@ import os
 from dataclasses import replace
 
 import pytest
+from conftest import make_card
 
-from tests.conftest import make_card
 from tex_lightning.config import Folding
 from tex_lightning.data.folds import split
 from tex_lightning.data.recordings import Recording, Recordings

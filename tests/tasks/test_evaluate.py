@@ -7,8 +7,8 @@ import shutil
 import numpy as np
 import pytest
 import soundfile
+from conftest import CLASSES, RATE, make_trace
 
-from tests.conftest import CLASSES, RATE, make_trace
 from tex_lightning.evaluation.outcomes import read_outcomes
 
 

@@ -6,9 +6,8 @@ import shutil
 import numpy as np
 import pytest
 import soundfile
+from conftest import RATE, make_photo, make_trace
 from PIL import Image
-
-from tests.conftest import RATE, make_photo, make_trace
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ entry point in the group ``tex_lightning.plugins``. Senses are also found in ``h
 import sys
 from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
@@ -61,8 +62,14 @@ def _named_folders(overrides: Sequence[str]) -> Iterator[Path]:
 
 def installed_packages() -> list[str]:
     """Return top packages that registered themselves under the entry-point group."""
+    return [*_packages_on(tuple(sys.path))]
+
+
+@lru_cache(maxsize=1)
+def _packages_on(path: tuple[str, ...]) -> tuple[str, ...]:
+    """Return them for these folders, in which the files of every installed package are read."""
     plugins = entry_points(group=ENTRY_POINTS)
-    return sorted({entry.module.partition(".")[0] for entry in plugins})
+    return tuple(sorted({entry.module.partition(".")[0] for entry in plugins}))
 
 
 def user_folders() -> list[Path]:
