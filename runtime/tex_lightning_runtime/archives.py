@@ -31,7 +31,7 @@ def read_archive(path: Path, most: int) -> tuple[np.ndarray[Any, Any], float | N
     rates = [float(each.item()) for name, each in numeric.items()
              if each.size == 1 and name.casefold() in RATES]  # fmt: skip
     known = len(rates) == 1 and math.isfinite(rates[0]) and rates[0] > 0
-    return np.squeeze(numeric[signals[0]]), rates[0] if known else None
+    return np.squeeze(np.array(numeric[signals[0]], np.float64)), rates[0] if known else None
 
 
 def _npz(path: Path, most: int) -> dict[str, np.ndarray[Any, Any]]:

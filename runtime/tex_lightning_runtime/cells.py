@@ -32,25 +32,17 @@ MARKS: dict[str, tuple[str, str | None]] = {
 
 @dataclass(frozen=True)
 class Dialect:
-    """How the lines of a table are divided.
+    """How the lines of a table are divided."""
 
-    Attributes:
-        separator: Of columns; a blank stands for any white space.
-        quote: Around cells.
-    """
-
-    separator: str
-    quote: str = '"'
-
-    @property
-    def pandas_separator(self) -> str:
-        """The separator as pandas takes it."""
-        return r"\s+" if self.separator == " " else self.separator
+    separator: str  # of columns; a blank stands for any white space, two for two or more
+    quote: str = '"'  # around cells
 
     def cells(self, line: str) -> list[str]:
         """Divide a line."""
         if self.separator == " ":
             return line.replace(self.quote, "").split()
+        if self.separator == "  ":  # or more
+            return re.split(r" {2,}|\t+", line.strip())
         if self.separator == NO_SEPARATOR:
             return [line.strip().strip(self.quote)]
         reader = csv.reader(
@@ -88,11 +80,6 @@ class Kinds:
     def empty(self) -> int:
         """Number of columns without content before the first with any."""
         return next((n for n, kind in enumerate(self.kinds) if kind), 0)
-
-    @property
-    def numeric(self) -> bool:
-        """Whether any column holds numbers."""
-        return "number" in self.kinds
 
     def fit(self, cells: Sequence[str]) -> bool:
         """Return whether cells are a whole row of the table."""

@@ -32,7 +32,7 @@ TIMES = {  # one of them makes a column one of time
 }  # fmt: skip
 OF_TIME = {  # a name is one of time if all of its words are such
     *TIMES, *UNITS, "t", "date", "clock", "stamp", "unix", "ts", "since", "start", "boot", "utc",
-    "system", "relative", "rel", "header", "field", "local", "in",
+    "system", "relative", "rel", "header", "field", "local",
 } - {"s", "d", "h", "min"}  # fmt: skip
 NO_TIMES = {
     "flight", "constant", "delta", "diff", "dt", "exposure", "integration", "response", "width",
@@ -58,6 +58,8 @@ NO_UNITS = re.compile(
     r"[-+\d:]*|utc|gmt|unix|epoch|txt|local|n|hh.*|yyyy.*|mm.*|dd.*|iso.*|since.*"
 )
 SEEN = 100  # cells
+MIN_RISING = 8  # samples; fewer numbers may rise by chance
+OFTEN = 0.1  # of the samples, at which a label or text changes if rows take turns
 USUAL = 0.9  # of the steps of a counter, which may begin anew or miss some
 GLUED = ("time", "timestamp", "zeit")  # unixtime
 UNNAMED = re.compile(r"(unnamed: \d+(_level_\d+)?(\.\d+)?)?")
@@ -65,27 +67,18 @@ UNNAMED = re.compile(r"(unnamed: \d+(_level_\d+)?(\.\d+)?)?")
 
 @dataclass(eq=False)
 class Column:
-    """One column of a table.
+    """One column of a table."""
 
-    Attributes:
-        name: Its name, or its number from 1.
-        unit: Its cell in a row of units.
-        values: Numbers (samples,), or cells of text.
-        named: Whether the table has names.
-        first: Whether it is the first one.
-        fault: A cell of text in a column of numbers, and its place.
-    """
-
-    name: str
-    unit: str
-    values: "pd.Series[Any]"
-    named: bool = True
+    name: str  # or its number from 1
+    unit: str  # in a row of units, or behind every number
+    values: "pd.Series[Any]"  # numbers (samples,), or cells of text
+    named: bool = True  # whether the table has names
     first: bool = False
-    fault: str = ""
+    fault: str = ""  # a cell of text in a column of numbers, and its place
     words: tuple[str, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.words = split_words(self.name.partition("(")[0].partition("[")[0])
+        self.words = split_words(re.split(r"[(\[]|(?:^|\s)in\s", self.name)[0])
 
     @property
     def is_text(self) -> bool:
@@ -106,6 +99,7 @@ class Column:
     def units(self) -> list[str]:
         """Units that name and row of units state, in small letters."""
         stated = [*re.findall(r"[(\[]([^)\]]*)[)\]]", self.name), self.unit.strip("()[] ")]
+        stated += re.findall(r"(?:^|\s)in\s+(\S+)$", self.name)
         if "/" in self.name:
             stated.append(self.name.rpartition("/")[2])
         return [each for each in map(_plain, stated) if each]
@@ -120,8 +114,9 @@ class Column:
             return False
         if words & TIMES:
             return True
-        units, alone = {*self.units}, words - ({*UNITS} - {*self.words[:1]}) - {"in"} == {"t"}
-        return self._rises() and (
+        units, alone = {*self.units}, words - ({*UNITS} - {*self.words[:1]}) == {"t"}
+        steps = np.diff(np.asarray(self.values))
+        return bool((steps >= 0).all() and steps.any()) and (
             (self.first and "/" not in self.name and not units.isdisjoint(UNITS))
             or any(word.endswith(GLUED) for word in words)
             or (units <= {*UNITS} if alone else bool(words) and words <= OF_TIME)  # T: temperature
@@ -164,13 +159,13 @@ class Column:
             return 0
         if sensors:  # or a quiet sensor
             return count if (codes[count:] == codes[:-count]).mean() > USUAL else 0
-        return count if (np.diff(codes) != 0).mean() > 0.5 else 0
+        return count if (np.diff(codes) != 0).mean() > OFTEN else 0
 
     @property
     def change(self) -> int:
         """Number of the first sample with another value, if there are few values; else 0."""
         first = self.values.ne(self.values.iloc[0]).to_numpy()
-        few = first.any() and self.values.nunique() <= max(2, len(self.values) // 10)
+        few = self.values.notna().all() and self.values.nunique() <= max(2, len(first) // 10)
         return int(first.argmax()) if few else 0
 
     @property
@@ -179,30 +174,28 @@ class Column:
         cells = [str(cell) for cell in self.values.iloc[:SEEN].dropna()]
         if len(cells) < USUAL * min(SEEN, len(self.values)):
             return ""
-        numbers = [cell for cell in cells if re.search(r"\d[.,]\d", cell)]
+        numbers = [cell for cell in cells if re.search(r"\d[.,]\d|^\[\d+\]$", cell)]
         return numbers[0] if len({*numbers}) > 0.5 * len(cells) else ""
 
     def _is_whole(self) -> bool:
         return self.values.dtype.kind in "iu" or bool((self.values % 1 == 0).all())
 
-    def _rises(self) -> bool:
-        steps = np.diff(np.asarray(self.values))
-        return bool((steps >= 0).all() and steps.any())
-
     def _counts(self) -> bool:
-        """Whether whole numbers are called and go up as those of a counter, or all stay."""
+        """Whether whole numbers count samples: by their name, or one by one without a unit."""
         words = {*self.words}
         index = bool(words & INDICES) or "sequence" in self.units
-        if not (index or words & COUNTS or self.name == "#") or not self._is_whole():
-            return False
+        called = words & COUNTS and words <= COUNTS | STATES | {"of", "sub", "logging"}
         steps = np.diff(np.asarray(self.values, np.float64))
-        if not len(steps):
-            return index
-        if index:
-            return float((steps >= 0).mean()) > USUAL
-        usual = np.median(steps)
-        even = (steps == usual).mean() > USUAL and (usual > 0 or not steps.any())
-        return bool(even) and words <= COUNTS | STATES | {"of", "sub", "logging"}
+        by_one = len(steps) > MIN_RISING and bool((steps == 1).all()) and not self.units
+        if not (index or called or by_one or self.name == "#") or not self._is_whole():
+            return False
+        if index or by_one:
+            return by_one or bool((steps < 0).sum() <= (1 - USUAL) * len(steps))
+        rises = np.flatnonzero(steps)  # at every sample, or at every tenth
+        if len(rises) < 2:
+            return len(steps) > len(rises) == 0
+        even = [(a == np.median(a)).mean() > USUAL for a in (steps[rises], np.diff(rises))]
+        return bool(all(even) and np.median(steps[rises]) > 0)
 
     def seconds(self, time_unit: str | None) -> Array:
         """Return the times in seconds since the first.

@@ -8,13 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tex_lightning_runtime.column import TIMES, Column, missing
+from tex_lightning_runtime.column import MIN_RISING, TIMES, Column, missing
 from tex_lightning_runtime.samples import Array, Channels
 from tex_lightning_runtime.times import DAY, EVEN, HOUR, UNITS, Even, TableError, even_samples
 
 TURNS = {HOUR: DAY, 60.0: HOUR}  # seconds after which hours and minutes begin anew
 NOMINAL = 0.1  # by which sensors differ from their rate
-MIN_RISING = 8  # samples; fewer numbers may rise by chance
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,12 @@ def separate(
     Raises:
         TableError: If there are no axes, or times or numbers cannot be understood.
     """
-    _check_interleaved(columns)
+    for column in columns:
+        if kinds := column.interleaved:
+            raise TableError(
+                f"has rows of {kinds} kinds in turn by {_title(column)}; write each kind "
+                "into a file of its own, or delete that column"
+            )
     time, times, others = _time(columns, time_unit, rate)
     axes, left = _divided(columns, channels, time, others)
     if channels is not None:
@@ -97,24 +101,19 @@ def _divided(
     return axes, tuple(f"{_title(column)} ({why})" for column, why in reasons.items() if why)
 
 
-def _check_interleaved(columns: list[Column]) -> None:
-    """Reject rows of several sensors, or of several axes, that take turns."""
-    for column in columns:
-        if kinds := column.interleaved:
-            raise TableError(
-                f"has rows of {kinds} kinds in turn by {_title(column)}; write each kind "
-                "into a file of its own, or delete that column"
-            )
-
-
 def _warned(axes: list[Column]) -> list[str]:
     """Say of the first axis that rises evenly that it was not taken for time."""
     for axis in axes:
-        steps = np.diff(np.asarray(axis.values, np.float64))
-        if len(steps) > MIN_RISING and (abs(steps - steps.mean()) < EVEN * steps.mean()).all():
+        if rising(np.asarray(axis.values)):
             how = "if it is time, call it time_s or time_ms"
             return [f"{_title(axis)} rises evenly and is read as an axis; {how}"]
     return []
+
+
+def rising(samples: Array) -> bool:
+    """Return whether samples (samples,) rise evenly, as times do."""
+    steps = np.diff(samples.astype(np.float64))
+    return len(steps) > MIN_RISING and bool((abs(steps - steps.mean()) < EVEN * steps.mean()).all())
 
 
 def _joined(columns: list[Column]) -> list[str]:
@@ -123,7 +122,7 @@ def _joined(columns: list[Column]) -> list[str]:
         f"{_title(column)} changes at sample {place}: what follows each other is read as one "
         "recording"
         for column in columns
-        if column.named and column.reason() in ("id", "label") and (place := column.change)
+        if column.named and column.reason() in ("id", "label", "text") and (place := column.change)
     ]
 
 
@@ -153,6 +152,7 @@ def _time(
             failed.append(error)
     if seconds:
         time = min(seconds, key=lambda column: _repeated(seconds[column]))
+        _check_agreement(seconds, time)
         return time, seconds[time], [c for c in (*candidates, *broken) if c is not time]
     if failed and not rate:
         raise failed[0]
@@ -160,8 +160,20 @@ def _time(
     if first and rate:
         steps = np.diff(np.asarray(first.values, np.float64))
         if len(steps) > MIN_RISING and (np.abs(steps * rate - 1) < EVEN).all():
-            return first, np.append(0.0, np.cumsum(steps)), candidates
+            again = [c for c in columns if c is not first and c.values.equals(first.values)]
+            return first, np.append(0.0, np.cumsum(steps)), [*candidates, *again]
     return None, None, candidates
+
+
+def _check_agreement(seconds: Mapping[Column, Array], time: Column) -> None:
+    """Reject columns of other times than those that are taken, as two sensors side by side have."""
+    for column, times in seconds.items():
+        ends = times[-1], seconds[time][-1]
+        if not _repeated(times) and not math.isclose(*ends, rel_tol=NOMINAL):
+            raise TableError(
+                f"has {ends[0]:.4g} s in {_title(column)} and {ends[1]:.4g} s in {_title(time)}; "
+                "write each with its columns into a file of its own, or delete one of both"
+            )
 
 
 def _repeated(times: Array) -> float:

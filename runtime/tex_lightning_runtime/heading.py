@@ -4,25 +4,29 @@ import re
 from collections.abc import Sequence
 
 from tex_lightning_runtime.cells import POINTS, THOUSANDS, WHOLE, Dialect, Kinds, kind
+from tex_lightning_runtime.column import TIMES, split_words
 from tex_lightning_runtime.resampling import MAX_RATE, MIN_RATE
 from tex_lightning_runtime.times import UNITS, TableError
 
 FOOTER = 10  # lines below the numbers
 ROUND = 25  # Hz, of which a rate that nothing calls so is a multiple
-COMMENT = re.compile(r"[ \t]*(?:#|%|//)[#%/ \t]*")
-AMOUNT = r"[\"']?[ \t:=,;]+[\"']?(?P<value>\d[\d.,]*(?:e[-+]?\d+)?)[\"']?[ \t,;(]*"
+COMMENT = re.compile(r"^[ \t]*(?:#|%|//)[#%/ \t]*")
+AMOUNT = r"[\"']?[ \t:=,;]+[\"']?\+?(?P<value>\.?\d[\d.,]*(?:e[-+]?\d+)?)[\"']?[ \t,;(]*"
+SAMPLING = r"(?:samp\w*|update|output(?:[ _-]data)?|acquisition|meas\w*|scan|log\w*)"
 RATE = re.compile(
-    r"(?:\bfs|\bodr|\b(?:samp\w*|update|output(?:[ _-]data)?|acquisition)[ _-]?(?:rate|freq\w*)"
+    rf"(?:\bfs|\bodr|\b{SAMPLING}[ _-]?(?:rate|freq\w*)"
     r"|\b(?:abtast|mess)(?:rate|frequenz)|^\W*(?:rate|frequency))"
     rf"(?:[ ]*[(\[](?P<before>\w+/?\w*)[)\]])?{AMOUNT}(?P<unit>k?hz|ks/s|k?sps|s/s)?",
     re.IGNORECASE,
 )
 PERIOD = re.compile(
-    r"(?:\bsampl\w*[ _-]?(?:interval|period|time)|\bdelta_?x|\bdt|\bt_?inc"
-    r"|^\W*in(?:crement|terval))"
+    rf"(?:\bsampl\w*[ _-]?(?:period|time)|\b{SAMPLING}[ _-]?interval|\bdelta[ _]?[xt]|\bdt"
+    r"|^\W*in(?:crement|terval)"
+    r"|\b(?:[xt]_?|x-axis |time |waveform )(?:inc\w*|delta|interval|step))"
     rf"(?:[ ]*[(\[](?P<before>[µμ\w]+)[)\]])?{AMOUNT}(?P<unit>[mµμun]?s\b)?",
     re.IGNORECASE,
 )
+SAMPLES = re.compile(r"\b(?:npts|samples|points)[\"' \t:=,;]+(\d+)\b|\b(\d+) samples\b", re.I)
 UNIT = re.compile(  # in a row of units
     r"[(\[].*[)\]]|[mµμukM]?(V|A|g|N|Pa|Hz|T|G|W|K|s|m|ohm)|[cm]m|ns|sec|min|%|-|raw|a\.?u\.?|volts?"
     r"|°\w*|((µ|μ|u|m|k|c)?(m|g|rad|deg|°)|dps|rpm|counts?|lsb|bits?|adc|digits?|[Ss]econds?)"
@@ -42,9 +46,9 @@ def read_heading(
     for line in reversed(above):
         commented, plain = bool(COMMENT.match(line)), COMMENT.sub("", line, count=1)
         cells = _as_many(plain, dialect, columns)
-        if commented and len(cells) < columns.count and dialect.cells(line)[0] == "#":  # a name
+        if commented and len(cells) < columns.count == len(dialect.cells(line)):  # # is a name
             cells = dialect.cells(line)
-        if _are_names(cells, columns) and (rows or not stated_rate(",".join(cells))):
+        if _are_names(cells, columns) and (rows or not stated_rate([",".join(cells)])):
             rows.append(cells)
         elif rows:
             break
@@ -60,10 +64,17 @@ def _are_names(cells: Sequence[str], columns: Kinds) -> bool:
     kinds = [*map(kind, cells)]
     return (
         len(cells) in (columns.count, len(columns.kinds))
+        and not _are_settings(cells)
         and "text" in kinds
         and "stamp" not in kinds
         and not any(re.search(r"\d[.,]\d", cell) for cell in cells)
     )
+
+
+def _are_settings(cells: Sequence[str]) -> bool:
+    """Return whether cells are titles and their values, or a title alone."""
+    titles = [cell for cell in cells if cell.endswith((":", "="))]
+    return bool(titles) and (len(titles) < len(cells) or len(cells) == 1)
 
 
 def _read_other(line: str, cells: Sequence[str], columns: Kinds, notes: list[str]) -> float | None:
@@ -75,11 +86,11 @@ def _read_other(line: str, cells: Sequence[str], columns: Kinds, notes: list[str
     numbers = [kind(cell) in ("number", "stamp") for cell in cells]
     if all(numbers) and len(cells) == 1 and columns.count > 1:
         return lone_rate(cells[0], columns.rows, notes)
-    if stated_rate(line):
+    if stated_rate([line]):
         return None  # which is read with the other lines above
     if sum(numbers) > 0.5 * len(cells):
         notes.append(f"an incomplete line of numbers is left out: {line.strip()[:40]!r}")
-    elif len(cells) > 1 and not any(numbers):
+    elif len(cells) > 1 and not any(numbers) and not _are_settings(cells):
         raise mismatch(len(cells), columns.count)
     return None
 
@@ -104,20 +115,19 @@ def _as_many(line: str, dialect: Dialect, columns: Kinds) -> list[str]:
     count = columns.count
     if count == 1:  # a blank may stand in a name, and a unit behind a comma
         return [part for part in re.split(r"[;\t]|,(?! )", line.strip()) if part]
-    for separator in (dialect.separator, ",", ";", "\t", " "):
+    for separator in (dialect.separator, "  ", ",", ";", "\t", " "):
         cells = Dialect(separator, dialect.quote).cells(line)
-        while len(cells) > count and _is_beside(cells[-1], len(cells) == len(columns.kinds)):
+        while len(cells) > count and (
+            STATEMENT.fullmatch(cells[-1])
+            or (len(cells) != len(columns.kinds) and cells[-1].casefold() in ("", "comment"))
+        ):
             cells.pop()
+        if len(cells) == count + 1 and cells[0].endswith((":", "=")):  # Fields: x y
+            cells = cells[1:]
         best = best or cells
         if len(cells) in (count, len(columns.kinds)):
             return cells
     return best
-
-
-def _is_beside(cell: str, has_column: bool) -> bool:
-    """Return whether what stands behind the names of columns names none."""
-    remark = not has_column and cell.casefold() in ("", "comment")
-    return remark or STATEMENT.fullmatch(cell) is not None
 
 
 def names_and_units(heading: list[list[str]]) -> tuple[tuple[str, ...] | None, tuple[str, ...]]:
@@ -125,23 +135,34 @@ def names_and_units(heading: list[list[str]]) -> tuple[tuple[str, ...] | None, t
     if not heading:
         return None, ()
     units: tuple[str, ...] = ()
-    if len(heading) > 1 and all(UNIT.fullmatch(cell) for cell in heading[0] if cell):
-        units, heading = tuple(heading[0]), heading[1:]
+    while len(heading) > 1 and _are_units(heading, bool(units)):
+        units, heading = units or tuple(heading[0]), heading[1:]
     names = list(heading[0])
     levels = len(heading) > 1 and sum(map(bool, heading[1])) > 1
-    if levels and len({*names}) < len(names):  # several levels, as pandas writes them
+    if levels and not _differ(names):  # several levels, as pandas writes them
         names = [f"{a} {b}".strip() for a, b in zip(heading[1], names, strict=True)]
     return tuple(names), units
+
+
+def _are_units(heading: list[list[str]], known: bool) -> bool:
+    """Return whether the last line holds units, or types such as f8 or remarks, below names."""
+    cells, names = heading[0], [line for line in heading[1:] if all(line) and _differ(line)]
+    types = bool(names) and len("".join(cells)) < 4 * len(cells) and not _differ(cells)
+    remarks = "" in cells and any(TIMES & {*split_words(n[cells.index("")])} for n in names)
+    return types or remarks or not (known or any(c and not UNIT.fullmatch(c) for c in cells))
+
+
+def _differ(cells: Sequence[str]) -> bool:
+    return len({*cells}) == len(cells)
 
 
 def is_numbering(first: list[str], rows: Sequence[Sequence[str]]) -> bool:
     """Return whether a line numbers the columns, 0,1,2, as pandas names them."""
     named = first[1:] if first and not first[0] else first
-    if named == [*map(str, range(len(named)))] and named:
-        return len(named) > 2 or _are_fractions(rows)
-    return (
-        len(named) > 1 and named == [*map(str, range(1, len(named) + 1))] and _are_fractions(rows)
-    )
+    numbers = [*map(str, range(len(named) + 1))]
+    if named == numbers[:-1] and len(named) > 2:
+        return True
+    return named in (numbers[:-1], numbers[1:] * (len(named) > 1)) and _are_fractions(rows)
 
 
 def _are_fractions(rows: Sequence[Sequence[str]]) -> bool:
@@ -173,16 +194,11 @@ def lone_rate(cell: str, rows: Sequence[Sequence[str]], notes: list[str]) -> flo
     return None
 
 
-def rate_above(lines: Sequence[str]) -> float | None:
+def stated_rate(lines: Sequence[str]) -> float | None:
     """Return the rate in Hz that lines state, if they do; a period may be that of the whole."""
     return next(
         filter(None, (_stated(how, each) for how in (RATE, PERIOD) for each in lines)), None
     )
-
-
-def stated_rate(line: str) -> float | None:
-    """Return the rate in Hz that a line states, if it does."""
-    return rate_above([line])
 
 
 def _stated(how: re.Pattern[str], line: str) -> float | None:

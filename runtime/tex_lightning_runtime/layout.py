@@ -3,7 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from tex_lightning_runtime.cells import (
     MISSING,
@@ -16,12 +16,12 @@ from tex_lightning_runtime.cells import (
 )
 from tex_lightning_runtime.heading import (
     COMMENT,
+    SAMPLES,
     UNIT,
     is_beyond,
     is_numbering,
     lone_rate,
     names_and_units,
-    rate_above,
     read_heading,
     stated_rate,
     with_statements,
@@ -31,9 +31,8 @@ from tex_lightning_runtime.plain_text import (
     ARROW,
     HEAD,
     PAIR,
-    has_arrows,
+    most,
     pair_names,
-    without_arrows,
     without_comments,
     without_names,
 )
@@ -49,29 +48,18 @@ ZERO_FIRST = re.compile(r"[-+]?0\d+|[-+]0")
 
 @dataclass(frozen=True)
 class Layout:
-    """How a table is written.
-
-    Attributes:
-        dialect: How its lines are divided.
-        decimal: Point or comma.
-        thousands: Mark between digits, if there is one.
-        names: Of the columns; None if there are none.
-        units: Of the columns, or none.
-        words: Types of the columns of dates, clock times and text, as pandas takes them.
-        rate: Rate in Hz that stands above the numbers, if one does.
-        first_line: Number of the line in the file that the numbers begin in.
-        notes: What was skipped.
-    """
+    """How a table is written."""
 
     dialect: Dialect
-    decimal: str = "."
-    thousands: str | None = None
-    names: tuple[str, ...] | None = None
-    units: tuple[str, ...] = ()
-    words: Mapping[int, str] = field(default_factory=dict)
-    rate: float | None = None
-    first_line: int = 1
-    notes: tuple[str, ...] = ()
+    decimal: str
+    thousands: str | None  # mark between digits
+    names: tuple[str, ...] | None
+    units: tuple[str, ...]  # of the columns, or none
+    words: Mapping[int, str]  # types of the columns of dates and text, as pandas takes them
+    rate: float | None  # in Hz, that stands above the numbers
+    count: int | None  # of samples, that stands above them
+    first_line: int  # number of the line in the file that they begin in
+    notes: tuple[str, ...]  # what was skipped
 
 
 def find_layout(content: bytes) -> tuple[bytes, Layout]:
@@ -90,7 +78,7 @@ def find_layout(content: bytes) -> tuple[bytes, Layout]:
     columns = Kinds([row for row in rows if len(row) == width])
     head = content[:HEAD].decode(errors="replace").split("\n")
     start = _first_row(columns, dialect, head)
-    if not columns.numeric or start == len(head):
+    if "number" not in columns.kinds or start == len(head):
         raise TableError("holds no numbers in columns; give one sample a line")
     if _undivided(columns, head, start, dialect.separator):
         dialect = Dialect(NO_SEPARATOR, dialect.quote)
@@ -99,21 +87,26 @@ def find_layout(content: bytes) -> tuple[bytes, Layout]:
 
 
 def _first_row(columns: Kinds, dialect: Dialect, head: list[str]) -> int:
-    """Return the place of the first whole row.
+    """Return the place of the first whole row, or of one with blanks before another row.
 
     Nothing may stand left of it, unless rows begin in the first line, as scopes write settings.
     """
+    blank = len(head)
     for number, line in enumerate(head):
         cells = dialect.cells(line)
         if columns.fit(cells) and (number == 0 or not any(cells[: columns.empty])):
-            return number
-    return len(head)
+            if all(cell for cell, each in zip(cells, columns.kinds, strict=False) if each):
+                return min(blank, number)
+            blank = min(blank, number)
+        elif cells:
+            blank = len(head)
+    return blank
 
 
 def _undecorated(content: bytes, given: str | None) -> tuple[bytes, list[str], Dialect]:
     """Take arrows of monitors and names before numbers away, and find separator and quotes."""
     sample = _sample(content)
-    arrows = has_arrows(sample)
+    arrows = most(sample, ARROW.match)
     if arrows:
         sample = [ARROW.sub(b"", line) for line in sample]
     if names := pair_names(sample):
@@ -121,7 +114,7 @@ def _undecorated(content: bytes, given: str | None) -> tuple[bytes, list[str], D
     separator, quote = _dialect([line.decode(errors="replace") for line in sample], given)
     if arrows:
         separator = ";" if separator == NO_SEPARATOR else separator
-        content = without_arrows(content, separator.encode())
+        content = ARROW.sub(rb"\1" + separator.encode(), content)
     if names:
         lines = content[:HEAD].split(b"\n")
         first = [n.encode() for n in names]
@@ -178,7 +171,7 @@ def _undivided(columns: Kinds, head: list[str], start: int, separator: str) -> b
     zeros = any(map(ZERO_FIRST.fullmatch, cells))
     above = [line for line in head[:start] if line.strip() and not COMMENT.match(line)]
     if len(columns.kinds) == 2 and above and "," not in above[-1]:
-        return stated_rate(above[-1]) is None and kind(above[-1].strip()) == "text"
+        return stated_rate(above[-1:]) is None and kind(above[-1].strip()) == "text"
     if above:
         return False
     if len(columns.kinds) == 2 and zeros:
@@ -200,7 +193,8 @@ def _with_heading(
     above = with_statements(above, dialect, columns.count)
     heading, rate = ([names], None) if names else read_heading(above, dialect, columns, notes)
     left = head[start : start + SAMPLE] if columns.empty else []  # of the numbers
-    rate = rate or rate_above([*above, *left])
+    rate = rate or stated_rate([*above, *left])
+    count = SAMPLES.search("\n".join(above))
     if names and above and re.search(r"[:=]\s*[-+.\d]", above[-1]) and not rate:
         notes.append(f"an incomplete line of numbers is left out: {above[-1].strip()[:40]!r}")
     first = dialect.cells(head[start])
@@ -215,10 +209,9 @@ def _with_heading(
         for column in zip(*columns.rows, strict=True)
     )
     named, units = names_and_units(heading)
-    if named and any(line.startswith("X_Dimension\tTime") for line in above):  # of LabVIEW
-        named = tuple("time" if name == "X_Value" else name for name in named)
     return without_comments(data), Layout(
         dialect, decimal=decimal, thousands=thousands, names=named, units=units, rate=rate,
         words={n: WORDS[each] for n, each in enumerate(columns.kinds) if each in WORDS},
+        count=int("".join(count.groups(""))) if count else None,
         first_line=start + 1, notes=(*notes, *below),
     )  # fmt: skip

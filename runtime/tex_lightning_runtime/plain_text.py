@@ -31,7 +31,7 @@ COMMENT = re.compile(  # and none of #N/A, #DIV/0!, #VALUE!, which a sheet has i
     rb"(?m)^[ \t]*(?:#(?!N/A|NV\b|[A-Z\x80-\xff/0]+[!?])|%|//).*(?:\n|\Z)"
 )
 BROKEN = re.compile(rb'(?<![^\n,;\t])"([^"\n]{0,80}(?:\n[^"\n]{0,80}){1,3})"(?=[,;\t\n])')  # names
-MINUS = "\u2212".encode()
+PLAIN = {"\u2212": b"-", **dict.fromkeys("\u200b\u200e\ufeff", b"")}  # which have no width
 ARROW = re.compile(  # of monitors of serial ports: 10:00:00.001 -> 0.1
     rb"(?m)^[ \t]*\[?((?:[\d./-]+[ T])?\d{1,2}:\d\d:\d\d(?:[.,:]\d+)?)"
     rb"(?:\][ \t]*(?:->)?|[ \t]*[-=]?>)[ \t]*"
@@ -40,6 +40,7 @@ PAIR = re.compile(  # name:number or name=number, as plotters of serial ports re
     rb"(?m)(?:^|(?<=[\s,;|{]))[\"']?((?:[A-Za-z]\w* )?[A-Za-z_\x80-\xff][\w.\x80-\xff/()^-]*)"
     rb"[\"']?[ \t]*[:=][ \t]*(?=[-+]?\.?\d)"
 )
+BEGINS = re.compile(rb"(?<![^\s,;|:={])[-+]?\.?\d")  # numbers
 
 
 def read_utf8(path: Path) -> bytes:
@@ -68,7 +69,9 @@ def read_plain(path: Path) -> bytes:
     if b'"' in content[:HEAD]:  # lines within a cell
         names = BROKEN.sub(lambda found: found[0].replace(b"\n", b" "), content[:HEAD])
         content = names + content[HEAD:]
-    return content.replace(MINUS, b"-")
+    for letter, plain in () if content.isascii() else PLAIN.items():
+        content = content.replace(letter.encode(), plain)
+    return content
 
 
 def check_size(path: Path) -> None:
@@ -111,19 +114,9 @@ def without_comments(content: bytes) -> bytes:
     return COMMENT.sub(b"", content) if marked else content
 
 
-def without_arrows(content: bytes, mark: bytes) -> bytes:
-    """Make the clock time before every line of a monitor's log a column of its own."""
-    return ARROW.sub(rb"\1" + mark, content)
-
-
-def has_arrows(lines: list[bytes]) -> bool:
-    """Return whether nearly all lines begin with a clock time and an arrow."""
-    return _most(lines, lambda line: ARROW.match(line) is not None)
-
-
 def pair_names(lines: list[bytes]) -> list[str]:
-    """Return the names of the numbers, if nearly all lines hold ``name:number``; else none."""
-    if not _most(lines, lambda line: PAIR.search(line) is not None):
+    """Return the names of the numbers, if nearly all lines have one before each; else none."""
+    if not most(lines, lambda line: 0 < len(PAIR.findall(line)) == len(BEGINS.findall(line))):
         return []
     return [name.decode() for name in PAIR.findall(lines[len(lines) // 2])]
 
@@ -139,5 +132,6 @@ def without_names(content: bytes, names: list[str]) -> bytes:
     return re.sub(rb"(?m)^[ \t]+|[{}\"']", b"", PAIR.sub(b"", content))
 
 
-def _most(lines: list[bytes], fits: Callable[[bytes], bool]) -> bool:
-    return bool(lines) and sum(map(fits, lines)) > 0.8 * len(lines)
+def most(lines: list[bytes], fits: Callable[[bytes], object]) -> bool:
+    """Return whether nearly all lines fit."""
+    return bool(lines) and sum(bool(fits(line)) for line in lines) > 0.8 * len(lines)

@@ -50,23 +50,26 @@ def read_table(path: Path, channels: Channels = None, time_unit: str | None = No
         TableError: If the file is no table, or what it means is in doubt.
         ModuleNotFoundError: If the libraries are not there.
     """
-    pandas = _library("pandas")
-    _library("clevercsv")
+    pandas = _library()
     content, layout = find_layout(read_plain(path))
-    frame = _parse(pandas, content, layout)
-    if layout.names is None and len(frame) < len(frame.columns):  # an axis a line
+    frame, notes = _parse(pandas, content, layout), layout.notes
+    rows, count = frame.shape
+    if layout.names is None and 0 <= (layout.count or 0) - frame.size < count > 1:
+        raise TableError(f"has {layout.count} samples in lines of {count}; write one sample a line")
+    if layout.names is None and rows < count:
         frame = frame.T.infer_objects()
-    columns = _columns(frame, layout)
-    samples, rate, reading = separate(columns, channels, time_unit, layout.rate)
-    return samples, rate, replace(reading, notes=(*layout.notes, *reading.notes))
+        notes = (*notes, f"each of its {rows} lines is read as an axis of {count} samples")
+    samples, rate, reading = separate(_columns(frame, layout), channels, time_unit, layout.rate)
+    return samples, rate, replace(reading, notes=(*notes, *reading.notes))
 
 
 Table = tuple[Array, float | None, Reading]
 
 
-def _library(name: str) -> ModuleType:
+def _library() -> ModuleType:
     try:
-        return import_module(name)
+        import_module("clevercsv")
+        return import_module("pandas")
     except ModuleNotFoundError as error:
         raise TableError(
             f"is a table, which takes {error.name}: pip install 'tex_lightning_runtime[tables]', "
@@ -75,12 +78,12 @@ def _library(name: str) -> ModuleType:
 
 
 def _parse(pandas: ModuleType, content: bytes, layout: Layout) -> "pd.DataFrame":
-    dialect = layout.dialect
+    separator = layout.dialect.separator
     try:
         with warnings.catch_warnings(action="ignore"):  # of cells of text between numbers
             frame = pandas.read_csv(
-                BytesIO(content), header=None, sep=dialect.pandas_separator,
-                quotechar=dialect.quote, decimal=layout.decimal, thousands=layout.thousands,
+                BytesIO(content), header=None, sep=r"\s+" if separator == " " else separator,
+                quotechar=layout.dialect.quote, decimal=layout.decimal, thousands=layout.thousands,
                 na_values=[*MISSING], dtype=layout.words, skipinitialspace=True,
             )  # fmt: skip
     except pandas.errors.ParserError as error:
@@ -113,44 +116,44 @@ def _columns(frame: "pd.DataFrame", layout: Layout) -> list[Column]:
         if len(names) != count:
             raise mismatch(len(names), count)
     columns = []
-    for number in range(count):
-        if not empty[number]:
-            name = str(number + 1) if names is None else names[number]
-            unit = layout.units[number] if number < len(layout.units) else ""
-            values, fault = _numbers(frame[number])
-            columns.append(Column(name, unit, values, names is not None, number == 0, fault))
+    for number in (n for n in range(count) if not empty[n]):
+        name = str(number + 1) if names is None else names[number]
+        values, unit, fault = _numbers(frame[number])
+        unit = layout.units[number] if number < len(layout.units) else unit
+        columns.append(Column(name, unit, values, names is not None, number == 0, fault))
     return columns
 
 
-def _numbers(cells: "pd.Series[Any]") -> tuple["pd.Series[Any]", str]:
+def _numbers(cells: "pd.Series[Any]") -> tuple["pd.Series[Any]", str, str]:
     """Return numbers in place of cells that pandas left as text, if all are such.
 
     Returns:
-        Numbers, or else text, and a cell that is no number where others are.
+        Numbers, or else text, their unit, and a cell that is no number where others are.
     """
     if cells.dtype.kind in "iuf":
-        return cells, ""
+        return cells, "", ""
     import pandas as pd
 
     first = str(cells[cells.first_valid_index()]).strip()
     if STAMP.fullmatch(first):
-        return cells.astype(str), ""
+        return cells.astype(str), "", ""
     codes, values = pd.factorize(cells)  # each cell of text once
     text = pd.Series(values, dtype=str).str.strip()
+    found = None if NUMBER.fullmatch(first) or len(text) == 1 else QUANTITY.fullmatch(first)
+    unit = found["unit"] if found else ""  # in every cell
+    text = text.str.removesuffix(unit).str.strip()
     decimal, thousands = decimal_mark([[cell for cell in text if NUMBER.fullmatch(cell)]])
     plain = text.str.replace(BLANKS, "", regex=True)
     if thousands:
         plain = plain.str.replace(thousands, "", regex=False)
     plain = plain.str.replace(decimal, ".", regex=False)
     plain = plain.str.replace(FORTRAN, "e", regex=True)
-    if (found := QUANTITY.fullmatch(first)) and not NUMBER.fullmatch(first):  # a unit in every cell
-        plain = plain.str.removesuffix(found["unit"])
     numbers = pd.to_numeric(plain, errors="coerce")
     if not numbers.isna().any():
         every = np.append(numbers.to_numpy(np.float64), np.nan)  # the last one is of no code
-        return pd.Series(every[codes]), ""
+        return pd.Series(every[codes]), unit, ""
     are_numbers = numbers.notna().any() or text.str.match("0[xX]").any()
     if not are_numbers or cells.isna().mean() > 0.5:  # remarks
-        return cells, ""
+        return cells, "", ""
     wrong = numbers.isna().to_numpy().argmax()
-    return cells, f"{text[wrong]!r} at sample {(codes == wrong).argmax()}"
+    return cells, "", f"{text[wrong]!r} at sample {(codes == wrong).argmax()}"

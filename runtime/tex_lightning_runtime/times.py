@@ -28,7 +28,6 @@ UNITS: dict[str, float] = {  # in seconds
     **{"с": 1.0, "сек": 1.0, "мс": 1e-3, "мкс": 1e-6, "秒": 1.0, "毫秒": 1e-3, "微秒": 1e-6},
     **{"초": 1.0, "밀리초": 1e-3},
 }
-SHORT = ("s", "ms", "us", "ns", "min", "h", "d")  # what a message proposes
 EPOCH = (9e8, 4.2e9)  # seconds since 1970: 1998 to 2103
 DAY, HOUR = 86_400.0, 3600.0
 MIN_STAMPS = 5  # different ones that repeat; the rate by fewer may be off by a fifth
@@ -42,9 +41,12 @@ DATE = (
     r"|\d{1,2}[-/. ][^\W\d_]{3,9}\.?[-/. ]\d{2,4})"  # 07-May-2026
 )
 DAYS = r"(?:\d+ days?,?)"  # of pandas and Python
-CLOCK = r"\d{1,4}:\d{2}(?::\d{2})?(?:[.,:]\d+)?"
-ZONE = r"(?:\s*(?:[AaPp]\.?[Mm]\.?|Z|UTC|GMT|[-+]\d{2}(?::?\d{2})?))*"
-STAMP = re.compile(rf"(?:{DATE}(?:[T\s,]\s*{CLOCK}{ZONE})?|(?:{DAYS}\s+)?{CLOCK}{ZONE})")
+CLOCK = r"\d{1,4}:\d{1,2}(?::\d{1,2})?(?:[.,:]\d+)?"
+ZONE = r"(?:\s*(?:[AaPp]\.?[Mm]\.?|Z|UTC|GMT|[-+]\d{2}(?::?\d{2})?|\[[\w/+-]+\]))*"
+STAMP = re.compile(
+    rf"(?:{DATE}(?:[T\s,]\s*{CLOCK}{ZONE})?|(?:{DAYS}\s+)?{CLOCK}{ZONE}(?:\s+{DATE})?)"
+)
+MARKS = r"(?<=:\d\d),(?=\d)|(?<=:\d\d:\d\d):(?=\d)"  # of fractions: 10:00:00,500
 ONLY_DATE = re.compile(DATE)
 
 
@@ -70,9 +72,11 @@ def stamp_seconds(stamps: "pd.Series[str]") -> Array:
     import pandas as pd
 
     text = stamps if stamps.iloc[0] == stamps.iloc[0].strip() else stamps.str.strip()
-    if "," in text.iloc[0]:
-        text = text.str.replace(r",(?=\d+\D*$)", ".", regex=True)  # of seconds
-    if re.match(r"\d{4}-", text.iloc[0]):
+    if re.search(MARKS, text.iloc[0]):
+        text = text.str.replace(MARKS, ".", regex=True)
+    if re.match(r"\d{4}-\d\d-\d\d", text.iloc[0]):
+        if re.search(r"[]TC]$", text.iloc[0]):  # of names of zones
+            text = text.str.replace(r"\s*(?:UTC|GMT|\[.+\])$", "", regex=True)
         moments = pd.to_datetime(text, format="ISO8601", utc=True)
         return np.asarray((moments - moments.iloc[0]).dt.total_seconds(), np.float64)
     return _clock_seconds(text)
@@ -83,11 +87,8 @@ def _clock_seconds(text: "pd.Series[str]") -> Array:
     import pandas as pd
 
     turn = DAY / 2 if re.search(r"[AaPp]\.?[Mm]", re.sub(DATE, "", text.iloc[0])) else DAY
-    text = text.str.extract(rf"({CLOCK}){ZONE}$", expand=False)
-    first = str(text.iloc[0])
-    if re.fullmatch(r"\d+:\d\d:\d\d:\d+", first):  # 10:00:00:500
-        text = text.str.replace(r":(?=\d+$)", ".", regex=True)
-    elif not re.match(r"\d+:\d\d:", first):  # minutes and seconds, as Excel shows them
+    text = text.str.extract(rf"({CLOCK})", expand=False)
+    if not re.match(r"\d+:\d\d:", str(text.iloc[0])):  # minutes and seconds, as Excel shows them
         text, turn = "00:" + text, HOUR
     seconds = np.asarray(pd.to_timedelta(text).dt.total_seconds(), np.float64) % turn
     begun = np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -turn / 2)
@@ -124,8 +125,8 @@ def number_seconds(values: Array, unit: float | None, name: str) -> Array:
 def ask_unit(name: str, fault: str) -> TableError:
     """Return the error for a column of time whose unit is not known."""
     return TableError(
-        f"has the column of time {name!r}, {fault}; give data.time_unit=ms (or "
-        f"{', '.join(u for u in SHORT if u != 'ms')}), or call it time_ms"
+        f"has the column of time {name!r}, {fault}; give data.time_unit=ms (or s, us, ns, "
+        "min, h, d), or call it time_ms"
     )
 
 

@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tex_lightning_runtime.archives import ARCHIVES, read_archive
-from tex_lightning_runtime.columns import Reading
+from tex_lightning_runtime.column import SEEN
+from tex_lightning_runtime.columns import Reading, rising
 from tex_lightning_runtime.errors import UserError, reason
 from tex_lightning_runtime.files import is_file, require_file
 from tex_lightning_runtime.samples import (
@@ -124,6 +125,9 @@ def _read_file(path: Path, channels: Channels, time_unit: str | None) -> Signal:
         )
     if suffix in SUFFIXES:
         return Signal(trace, rate, reading)
+    if any(rising(axis[:SEEN]) for axis in trace):
+        told = "an axis rises evenly; if it is time, choose the others by data.channels"
+        reading = replace(reading, notes=(*reading.notes, told))
     return Signal(choose_channels(trace, channels, f"Trace {path}"), rate, reading)
 
 
@@ -157,14 +161,9 @@ def _read_array(path: Path) -> Raw:
     return np.array(array, np.float64), None, ()
 
 
-def _read_archive(path: Path) -> Raw:
-    array, rate = read_archive(path, MAX_SAMPLES)
-    return np.array(array, np.float64), rate, ()
-
-
 READERS: dict[str, Callable[[Path], Raw]] = {
     **dict.fromkeys((".wav", ".flac"), _read_sound),
     ".npy": _read_array,
-    **dict.fromkeys(ARCHIVES, _read_archive),
+    **dict.fromkeys(ARCHIVES, lambda path: (*read_archive(path, MAX_SAMPLES), ())),
 }
 TRACE_SUFFIXES = (*READERS, *SUFFIXES)

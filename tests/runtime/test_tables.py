@@ -317,6 +317,56 @@ READ = {
     "text that begins with digits": (
         table(*XYZ, ["192.168.0.12"] * COUNT, ["1.2.3"] * COUNT, names="x,y,z,host,version\n"), None
     ),
+    # names among other lines
+    "types and units below the names": (
+        table(clock("%Y-%m-%d %H:%M:%S.%f"), COUNTER, *XYZ, names="TOA,B,C,D\nTIMESTAMP,RECORD,x,"
+              'y,z\nTS,RN,g,g,g\n"","",Smp,Smp,Smp\n'), RATE
+    ),
+    "remarks below names and units": (
+        table(times(), *XYZ, mark="\t",
+              names="Time\ta\tb\tc\ns\tg\tg\tg\n\tleft\tright\ttop\n"), RATE
+    ),
+    "names of a group above some": (
+        table(COUNTER, times(), *XYZ, mark="\t", names="No#\tTime\tA\t\t\n\t\tX1\tY1\tZ1\n\n"), RATE
+    ),
+    "a row of blanks and numbers above the names": (
+        table(COUNTER, times(), *XYZ, names=',,"1","1","1"\n,,p,p,p\nFrame,Time (s),X,Y,Z\n'), RATE
+    ),
+    "names with blanks, two between them": (
+        "% Points: 3\n% Time (s)    Acc, X (g)     Y (g)    Z\n" + table(times(), *XYZ, mark="  "),
+        RATE
+    ),
+    "a title before the names": ("# Fields: time x y z\n" + table(times(), *XYZ, mark=" "), RATE),
+    "a title below settings": ("gain = 2\nXInc:,+5.0E-04\nData:,\n" + table(*XYZ), RATE),
+    "an increment of every column": (
+        "Comment;;;\nWaveform increment;0,0005;0,0005;0,0005\nChannel;x;y;z\n"
+        + table([""] * COUNT, *XYZ, mark=";", comma=True), RATE
+    ),
+    "units by in": (table(times(), *XYZ, names="in s,C1 in V,C2 in V,C3 in V\n"), RATE),
+    "one word before all numbers": (table(["a/g:"] * COUNT, *XYZ, mark="\t"), None),
+    "numbers one by one of any name": (table(COUNTER, *XYZ, names="Scan,x,y,z\n"), None),
+    "frames of several samples": (
+        table(column(np.arange(COUNT) // 8, "{}"), *XYZ, names="Frame,x,y,z\n"), None
+    ),
+    # further times
+    "ISO, colon before fractions": (
+        "Measurement Frequency,2000 Hz\n\n" + table(clock("%Y-%m-%d %H:%M:%S:%f"), *XYZ), RATE
+    ),
+    "ISO, UTC in words": (table([f"{m:%Y-%m-%d %H:%M:%S.%f} UTC" for m in MOMENTS], *XYZ), RATE),
+    "ISO, place of the zone": (
+        table([f"{m:%Y-%m-%dT%H:%M:%S.%f}+02:00[Europe/Berlin]" for m in MOMENTS], *XYZ), RATE
+    ),
+    "clock before date": (table([f"{m:%H:%M:%S.%f %d.%m.%Y}" for m in MOMENTS], *XYZ), RATE),
+    "digits left out": (
+        table([f"{m.year}-{m.month}-{m.day} {m.hour}:{m.minute}:{m:%S.%f}" for m in MOMENTS], *XYZ),
+        RATE
+    ),
+    "a unit behind every time": (
+        table([f"{t * 1e3:.2f} ms" for t in TIMES], *XYZ, names="Time,x,y,z\n"), RATE
+    ),
+    "letters without width": (
+        table(times(), [f"\u200e{x}" for x in X], Y, Z, names="t,x,y,z\n"), RATE
+    ),
     # numbers
     "minus of typography": (
         table(*([c.replace("-", "\u2212") for c in each] for each in XYZ), names="x,y,z\n"), None
@@ -485,6 +535,15 @@ REFUSED = {
     "times of few stamps": (
         table(clock("%H:%M:%S"), *XYZ, names="time,x,y,z\n"), "too coarse for the rate; delete"
     ),
+    "sensors in turn, one of them seldom": (
+        table(times(), ["a", *["b"] * 9] * (COUNT // 10), *XYZ, names="t,kind,x,y,z\n"), "2 kinds i"
+    ),
+    "samples over the lines": (f"{3 * COUNT} samples of X\n" + ROWS, "720 samples in lines of 3;"),
+    "samples with their number": (table([f"[{3 * i}]" for i in NUMBERS], *XYZ, mark=" "), "text"),
+    "two sensors side by side": (
+        table(times(), X, times(2), Y, names="Time (s),x,Time 2 (s),y\n"),
+        r"has 0.239 s in 'Time 2 \(s\)' and 0.1195 s in 'Time \(s\)'; write each with its columns",
+    ),
     "times in words": (table(["day 1"] * COUNT, *XYZ, names="time,x,y,z\n"), "'day 1' in the colu"),
 }  # fmt: skip
 
@@ -548,9 +607,10 @@ def test_times_that_contradict_the_rate_above_are_told(tmp_path):
 
 
 def test_recordings_that_follow_each_other_are_told(tmp_path):
-    trial = ["1"] * 100 + ["2"] * (COUNT - 100)
-    notes = read_table(write(tmp_path, table(trial, *XYZ, names="trial,x,y,z\n")))[2].notes
-    assert [note.startswith("'trial' changes at sample 100") for note in notes] == [True]
+    for first, second in ("12", "ab"):
+        trial = [first] * 100 + [second] * (COUNT - 100)
+        notes = read_table(write(tmp_path, table(trial, *XYZ, names="trial,x,y,z\n")))[2].notes
+        assert [note.startswith("'trial' changes at sample 100") for note in notes] == [True]
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(2, 3), (30, 64), (30, 70)])
@@ -589,7 +649,16 @@ def test_coarse_times_give_the_rate(tmp_path):
 
 def test_an_axis_a_line(tmp_path):
     text = "\n".join(",".join(each) for each in XYZ)
-    np.testing.assert_allclose(read_table(write(tmp_path, text))[0], AXES)
+    samples, _, reading = read_table(write(tmp_path, text))
+    np.testing.assert_allclose(samples, AXES)
+    assert reading.notes == (f"each of its 3 lines is read as an axis of {COUNT} samples",)
+
+
+def test_a_time_in_an_array_is_told(tmp_path):
+    for axes, told in ((AXES, False), ([TIMES, *AXES], True)):
+        np.save(tmp_path / "a.npy", axes)
+        notes = read_samples(tmp_path / "a.npy").reading.notes
+        assert ["rises evenly; if it is time" in note for note in notes] == [True] * told
 
 
 @pytest.mark.skipif(not SHARED.exists(), reason="no shared data")
