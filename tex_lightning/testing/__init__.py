@@ -19,7 +19,13 @@ from torch import Tensor, nn
 from tex_lightning.baselines.base import Baseline
 from tex_lightning.baselines.classifier import BaselineClassifier, check_is_baseline
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.classifier.contract_check import BATCH, UNSAVED, check_baseline, check_trunk
+from tex_lightning.classifier.contract_check import (
+    BATCH,
+    FITTED,
+    UNSAVED,
+    check_baseline,
+    check_trunk,
+)
 from tex_lightning.core.contract import breach, calling, check_call
 from tex_lightning.data.readers import read_table
 from tex_lightning.data.store import load_recording
@@ -220,7 +226,7 @@ def _check_baseline(one: Any, other: Any, trial: Trial) -> None:  # noqa: ANN401
         BaselineClassifier(replace(card, baseline=named), baseline) for baseline in (one, other)
     )
     (sense,) = fitted.senses.values()
-    with trial.recordings(sense) as (recordings, store):
+    with trial.recordings(sense, FITTED) as (recordings, store):
         fitted.fit(recordings.rows, store, 0)
         check_baseline(fitted, rebuilt, [load_recording(row, store) for row in recordings][:BATCH])
 

@@ -132,11 +132,11 @@ class Trial:
         return (samples * (1 + label)).astype(np.float32)
 
     @contextmanager
-    def recordings(self, sense: Sense) -> Iterator[tuple[Recordings, Store]]:
-        """Write recordings of all classes to files, which are gone afterwards."""
+    def recordings(self, sense: Sense, count: int) -> Iterator[tuple[Recordings, Store]]:
+        """Write so many recordings of each class to files, which are gone afterwards."""
         with tempfile.TemporaryDirectory() as name:
             folder, rows = Path(name), list[Recording]()
-            for label, number in np.ndindex(self.classes, FITTED):
+            for label, number in np.ndindex(self.classes, count):
                 sample = {sense.modality: self.recording(sense.medium, label, number)}
                 place = len(rows)
                 rows += write_sample(sample, f"class {label}", str(place), folder, place)
@@ -153,7 +153,8 @@ class Trial:
         (sense,) = one.senses.values()
         model = config_of(SENSES[sense.medium], self.rate).model
         fit, piece = model.fit_values(model.kind), model.sense(model.kind).fit.piece
-        with self.recordings(sense) as (recordings, store):
+        count = FITTED if hasattr(sense.network, "fit") else 1
+        with self.recordings(sense, count) as (recordings, store):
             check_parts(one, other, fit, piece, recordings, store, change)
 
     def fitting(
