@@ -121,9 +121,8 @@ class Axis:
         if high > self.high:
             self.high, self.at_high = high, 0
         joined = np.concatenate((self.last, values))
-        repeated = joined[1:] == joined[:-1]
-        self.at_low += int((repeated & (joined[1:] == self.low)).sum())
-        self.at_high += int((repeated & (joined[1:] == self.high)).sum())
+        self.at_low += _repetitions(joined == self.low)
+        self.at_high += _repetitions(joined == self.high)
         self.last = values[-1:]
         for part in (values[:FEW], values[FEW:]):  # sorting is slow, and few usually suffice
             if len(self.different) < FINE_VALUES:
@@ -135,6 +134,11 @@ class Axis:
         """Repetitions of the extremes; 0 for few, or for a coarse digitisation."""
         flat = self.at_low + self.at_high
         return 0 if flat < MIN_FLAT or len(self.different) < FINE_VALUES else flat
+
+
+def _repetitions(there: Array) -> int:
+    """Count the true values (samples,) that come after another one."""
+    return int(np.count_nonzero(there[1:] & there[:-1]))
 
 
 class Level:

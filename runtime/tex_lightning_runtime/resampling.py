@@ -75,6 +75,8 @@ def without_spikes(trace: Array, rate: float, spikes: Array) -> Array:
         rate: Their rate in Hz.
         spikes: What :func:`find_spikes` finds in them, and in what was before them.
     """
+    if not len(spikes):
+        return trace
     axes, places = spikes[np.lexsort(spikes.T[::-1])].T
     late = np.flatnonzero(axes[FEW:] == axes[:-FEW]) + FEW
     late = late[places[late] - places[late - FEW] <= RECENT_SECONDS * rate]

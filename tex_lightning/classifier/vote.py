@@ -84,17 +84,22 @@ class Tally:
         self.votes = torch.zeros(classes, dtype=torch.int64)
         self.sums, self.scores = torch.zeros(2, classes, dtype=torch.float64)
 
-    def plus(self, logits: Tensor) -> "Tally":
-        """Return the tally with further fragments (classes, fragments).
+    @classmethod
+    def of(cls, logits: Tensor, temperature: float) -> "Tally":
+        """Return the tally of fragments (classes, fragments).
 
         Raises:
             UserError: If a score is NaN or infinite, which would win or lose every vote.
         """
-        logits, more = logits.detach().cpu(), Tally(len(self.votes), self.temperature)
-        more.sums = probabilities(logits, self.temperature)
-        more.votes = torch.bincount(logits.argmax(dim=0), minlength=len(self.votes))
-        more.scores = logits.double().sum(dim=1)
-        return self.joined(more)
+        logits, tally = logits.detach().cpu(), cls(len(logits), temperature)
+        tally.sums = probabilities(logits, temperature)
+        tally.votes = torch.bincount(logits.argmax(dim=0), minlength=len(logits))
+        tally.scores = logits.double().sum(dim=1)
+        return tally
+
+    def plus(self, logits: Tensor) -> "Tally":
+        """Return the tally with further fragments (classes, fragments), see :meth:`of`."""
+        return self.joined(Tally.of(logits, self.temperature))
 
     def joined(self, other: "Tally") -> "Tally":
         """Return the tally of the fragments of both."""
@@ -130,10 +135,9 @@ def max_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
         UserError: If a score is NaN or infinite, which would win or lose every vote.
     """
     logits = logits.detach().cpu()
-    classes, count = logits.shape
-    if count == 0:
+    if logits.shape[1] == 0:
         raise ValueError("a vote needs at least one fragment")
-    return Tally(classes, temperature).plus(logits).vote(logits.argmax(dim=0))
+    return Tally.of(logits, temperature).vote(logits.argmax(dim=0))
 
 
 def mean_vote(logits: Tensor, temperature: float = 1.0) -> Vote:

@@ -29,7 +29,7 @@ MIN_SAMPLES = 8  # of a window; at a slow rate the short ones are left out
 # no proportions, nor deviations
 WINDOWS_IN_RECORDING, WINDOWS_IN_SLOW = 2, 4
 MAX_WINDOWS = 16
-RANGES = 4  # of bands, each of which is a product of its own: low bands take few channels
+RANGES = 8  # of bands, each of which is a product of its own: low bands take few channels
 BLOCK = (
     1 << 18
 )  # samples of the frames that are computed at once, about, so that they stay in cache
