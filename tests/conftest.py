@@ -4,10 +4,15 @@ The process that hands out tests to others (``-n 2``) runs none, so it imports n
 PyTorch, and the others begin that much earlier.
 """
 
+import os
 from importlib import import_module
 from typing import Any
 
 import pytest
+
+# of each process, before PyTorch is imported: threads of two processes would wait for each other,
+# and what they compute here is little
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
 def pytest_configure(config: pytest.Config) -> None:

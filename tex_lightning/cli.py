@@ -87,8 +87,9 @@ class Results(dict[str, Any]):
 def train(*overrides: str) -> Results:
     """Run a command line in this process.
 
-    Logging, the working directory and Hydra's state are left as they are. An unfinished run of the
-    same settings in the run folder is continued. One run of a process waits for another.
+    Logging, the working directory, Hydra's state and PyTorch's threads are left as they are. An
+    unfinished run of the same settings in the run folder is continued. One run of a process waits
+    for another.
 
     Args:
         *overrides: Arguments after ``python -m tex_lightning``, such as ``"model=haptic"``,
@@ -117,7 +118,10 @@ def train(*overrides: str) -> Results:
                 f"task={composed.task} leaves no results; run it by python -m tex_lightning, or "
                 "classify with tex_lightning.load."
             )
-        run_task(composed, job)
+        with _quick_import():
+            from tex_lightning.core.devices import computing_threads
+        with computing_threads():
+            run_task(composed, job)
         file = job.directory / "results.json"
         content = json.loads(file.read_text(encoding="utf-8")) if is_rank_zero() else {}
         return Results(content, job.directory)
