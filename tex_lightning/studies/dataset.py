@@ -152,7 +152,7 @@ def open_dataset(data: DataConfig, senses: Sequence[Sense]) -> Dataset:
             f"The data has {' or '.join(modalities)} recordings of "
             f"{listed(recordings.classes) or 'no class'}, and telling classes apart takes two; "
             f"choose another model, or add recordings{_where_to(data, modalities)}."
-            + "".join(f" {text}" for text in beside)
+            + "".join(f" {text} {_by_pattern(data)}" for text in beside)
         )
     dataset = Dataset.decode(recordings, unknown, store, recordings.classes)
     return replace(dataset, condition_bins=condition_bins(needed))
@@ -166,6 +166,16 @@ def of_no_sense(rows: Recordings, modalities: Sequence[str]) -> list[str]:
     return [
         f"Not read, as no sense is called so: {told} (such as {row.path})." for row in others[:1]
     ]
+
+
+def _by_pattern(data: DataConfig) -> str:
+    """Say how classes are read that lie in folders of sessions or subjects."""
+    if data.root is None:
+        return ""
+    return (
+        f"If these are the classes, run task=manifest data.root={data.root} "
+        "pattern='{group}/{label}/*.csv', and train with data=manifest."
+    )
 
 
 def _where_to(data: DataConfig, modalities: Sequence[str]) -> str:

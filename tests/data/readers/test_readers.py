@@ -112,6 +112,19 @@ def test_a_folder_of_other_kinds_alone_says_what_is_there(tmp_path):
         read_folder(tmp_path)
 
 
+def test_parts_in_the_place_of_classes_are_told_with_the_pattern_that_reads_them(tmp_path):
+    touch(tmp_path, *(f"{part}/oak/1.csv" for part in ("Train", "val", "test")))
+    with pytest.raises(UserError, match=r"Train, test, val in the place of classes; run task=man"):
+        read_folder(tmp_path)
+
+
+def test_a_text_about_recordings_is_none(tmp_path):
+    touch(tmp_path, "a/1.csv", "a/README.txt", "b/haptic/1.csv", "b/haptic/readme.txt")
+    table = read_folder(tmp_path)
+    assert [row.path.name for row in table] == ["1.csv", "1.csv"]
+    assert [note.partition(" (")[0] for note in table.notes] == [f"{OTHERS}2 .txt"]
+
+
 def test_spellings_that_look_alike_are_one_class(tmp_path):
     names = ["Gr\u00fcn", "Gru\u0308n", "oak", "oak ", "pine\u00a0"]
     touch(tmp_path, *(f"{name}/haptic/{n}.wav" for name in names for n in range(2)))

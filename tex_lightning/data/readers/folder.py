@@ -26,6 +26,8 @@ from tex_lightning_runtime.photos import IMAGE_SUFFIXES
 from tex_lightning_runtime.traces import TRACE_SUFFIXES, axis_files, stands_for_all
 
 SYSTEMS = ("Thumbs.db", "desktop.ini")  # files that are nobody's
+READ_ME = ("readme", "read_me", "readme_first", "license")  # text beside recordings, of any suffix
+SPLITS = {"train", "training", "val", "valid", "validation", "test", "testing", "eval"}
 MAX_KINDS = 6
 TO_SOUND = " Convert what is compressed to .flac or .wav, such as with ffmpeg."
 TO_TABLE = " Save each sheet as CSV."
@@ -85,6 +87,13 @@ def read_folder(root: str | Path) -> Recordings:
     root = Path(root)
     if not root.is_dir():
         raise UserError(f"Folder {root} does not exist; give an existing folder in data.root.")
+    names = [folder.name for folder in _folders(root)]
+    if len(names) > 1 and {name.casefold() for name in names} <= SPLITS:
+        raise UserError(
+            f"Folder {root} has the folders {', '.join(names)} in the place of classes; run "
+            f"task=manifest data.root={root} pattern='{{split}}/{{label}}/*.csv', with a pattern "
+            "that fits their names, and train with data=manifest."
+        )
     rows: list[Recording] = []
     notes: list[str] = []
     others: list[Path] = []
@@ -184,7 +193,11 @@ def _others(directory: Path, recordings: Sequence[Recording]) -> Iterator[Path]:
     beside = tuple(chain.from_iterable(BESIDE.values()))
     for folder in (directory, *_folders(directory)):
         for path in _visible(folder):
-            noted = folder == directory and path.suffix.lower() in beside
+            noted = (
+                folder == directory
+                and path.suffix.lower() in beside
+                and path.stem.casefold() not in READ_ME
+            )
             if not (noted or path in read or path.name in SYSTEMS or path.is_dir()):
                 yield path
 
@@ -228,5 +241,8 @@ def _files(directory: Path, suffixes: tuple[str, ...]) -> list[Path]:
     return [
         path
         for path in _visible(directory)
-        if path.suffix.lower() in suffixes and not path.is_dir() and stands_for_all(path)
+        if path.suffix.lower() in suffixes
+        and path.stem.casefold() not in READ_ME
+        and not path.is_dir()
+        and stands_for_all(path)
     ]
