@@ -427,7 +427,8 @@ class BandProportions(nn.Module):
         limits, bands = self.get_buffer(f"thresholds{index}"), self.sizes[index]
         above, means = Moments(frames, fragments), Moments(frames, fragments)
         for responses in blocks:  # as numbers: faster than a comparison as booleans
-            above.add((responses[:, None] - limits).gt_(0).flatten(1))
+            found = responses.new_empty(responses.shape[0], *limits.shape)
+            above.add(torch.gt(responses[:, None], limits, out=found).flatten(1))
             kept = responses[:, : sum(bands if self.levels else bands[:2])]
             means.add(kept, squares=self.levels > 0)
         shares = above.mean.reshape(-1, *limits.shape).permute(2, 1, 0).flatten(0, 1)
