@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import conv2d, pad
+from torch.nn.functional import pad
 
 from tex_lightning.core.devices import is_at_hand
 from tex_lightning.networks.blocks import FittedLater
@@ -189,7 +189,7 @@ class GainlessLine(FittedLater):
         far = (strength < self.limits[0]) | (strength > self.limits[1])
         if is_at_hand(mean) and not far.any():
             return usual
-        return torch.where(far[:, None, None, None], conv2d(inside, self.weight, self.bias), usual)
+        return torch.where(far[:, None, None, None], weighed(inside, self.weight, self.bias), usual)
 
 
 class LineOrPlanes(nn.Sequential):
@@ -219,7 +219,7 @@ class LineOrPlanes(nn.Sequential):
         if not self.is_linear:
             return cast(Tensor, planes(inside))
         mean, count = whole
-        scores = conv2d(inside, *cast(ShortLine, short).layer(cast(nn.Conv2d, layer), count))
+        scores = weighed(inside, *cast(ShortLine, short).layer(cast(nn.Conv2d, layer), count))
         if cast(GainlessLine, gainless).in_use and not self.training:
             scores = gainless(inside, mean, scores)
         return scores
@@ -228,3 +228,15 @@ class LineOrPlanes(nn.Sequential):
     def is_linear(self) -> bool:
         """Whether the score of a mean is the mean of the scores."""
         return not cast(ClassPlanes, self.planes).in_use
+
+
+def weighed(x: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
+    """Return scores (B, classes, M, N) of features (B, D, M, N), which a convolution would copy.
+
+    Args:
+        x: Features, in any layout.
+        weight: (classes, D, 1, 1).
+        bias: (classes,).
+    """
+    scores = weight.flatten(1) @ x.flatten(2) + bias[:, None]
+    return scores.reshape(x.shape[0], -1, *x.shape[2:])

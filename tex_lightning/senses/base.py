@@ -405,4 +405,5 @@ def check_network(where: str, name: str, network: object) -> None:
 
 def _is_finite(x: Tensor) -> bool:
     """Return whether all numbers are finite, without a copy: an hour has hundreds of megabytes."""
+    x = x if x.is_contiguous() else x.mT  # as band proportions lie
     return not x.numel() or bool(torch.stack(x.aminmax()).isfinite().all())

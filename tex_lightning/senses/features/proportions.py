@@ -431,9 +431,9 @@ class BandProportions(nn.Module):
             above.add(torch.gt(responses[:, None], limits, out=found).flatten(1))
             kept = responses[:, : sum(bands if self.levels else bands[:2])]
             means.add(kept, squares=self.levels > 0)
-        shares = above.mean.reshape(-1, *limits.shape).permute(2, 1, 0).flatten(0, 1)
-        parts = [shares, means.mean.T[: sum(bands[:2])]]
-        return torch.cat((*parts, means.variance.T.sqrt()) if self.levels else parts)
+        shares = above.mean.reshape(-1, *limits.shape).transpose(1, 2).flatten(1)
+        parts = [shares, means.mean[:, : sum(bands[:2])]]
+        return torch.cat((*parts, means.variance.sqrt()) if self.levels else parts, dim=1).T
 
     def join(
         self,
@@ -459,7 +459,7 @@ class BandProportions(nn.Module):
         if self.levels:
             mean = movement.mean(dim=-1, keepdim=True) if mean is None else mean
             parts.append(self._levels(movement, fragments, mean))
-        return torch.cat(parts)[None, None]
+        return torch.cat([part.T for part in parts], dim=1).T[None, None]  # a fragment's together
 
     def _levels(self, movement: Tensor, fragments: int, whole: Tensor) -> Tensor:
         """Return mean and logarithm of the deviation of each channel (2 * levels, fragments).
