@@ -1,9 +1,12 @@
 """What is said of the data before work begins."""
 
+import itertools
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+import soundfile
+from conftest import RATE, make_trace
 
 from tex_lightning.config import Folding
 from tex_lightning.data.folds import with_folds
@@ -31,6 +34,16 @@ def test_recordings_of_no_sense_are_told():
         "Not read, as no sense is called so: 1 of day1 (such as day1.csv)."
     ]
     assert of_no_sense(Recordings(tuple(rows[:2])), ("haptic",)) == []
+
+
+def test_classes_in_folders_of_subjects_are_told_how_they_are_read(cli, tmp_path):
+    for subject, label in itertools.product(("s1", "s2"), ("wood", "steel")):
+        folder = tmp_path / subject / label
+        folder.mkdir(parents=True)
+        soundfile.write(folder / "1.wav", make_trace(0, 0), RATE)
+    done = cli("model=haptic", "data=folder", f"data.root={tmp_path}")
+    assert done.status == 2
+    assert f"task=manifest data.root={tmp_path} pattern='{{group}}/{{label}}/*.csv'" in done.err
 
 
 def division(test: int | None, val: int | None = None, where: object = None) -> Folding:

@@ -18,6 +18,7 @@ from tex_lightning.data.folds import (
     tested_part,
 )
 from tex_lightning.data.readers import read_recordings
+from tex_lightning.data.readers.folder import by_pattern
 from tex_lightning.data.recordings import MODALITIES, Recording, Recordings, one_name
 from tex_lightning.data.store import Store, Unusable, cache_root, list_files
 from tex_lightning.errors import UserError, listed
@@ -148,11 +149,14 @@ def open_dataset(data: DataConfig, senses: Sequence[Sense]) -> Dataset:
     needed = replace(needed, notes=(*needed.notes, *beside))
     recordings, unknown = hold_out(needed, data.hold_out)
     if len(recordings.classes) < 2:
+        if data.root is not None:  # classes in folders of sessions or subjects
+            how = f" If these are the classes, {by_pattern(data.root, '{group}/{label}/*.csv')}"
+            beside = [text + how for text in beside]
         raise UserError(
             f"The data has {' or '.join(modalities)} recordings of "
             f"{listed(recordings.classes) or 'no class'}, and telling classes apart takes two; "
             f"choose another model, or add recordings{_where_to(data, modalities)}."
-            + "".join(f" {text} {_by_pattern(data)}" for text in beside)
+            + "".join(f" {text}" for text in beside)
         )
     dataset = Dataset.decode(recordings, unknown, store, recordings.classes)
     return replace(dataset, condition_bins=condition_bins(needed))
@@ -166,16 +170,6 @@ def of_no_sense(rows: Recordings, modalities: Sequence[str]) -> list[str]:
     return [
         f"Not read, as no sense is called so: {told} (such as {row.path})." for row in others[:1]
     ]
-
-
-def _by_pattern(data: DataConfig) -> str:
-    """Say how classes are read that lie in folders of sessions or subjects."""
-    if data.root is None:
-        return ""
-    return (
-        f"If these are the classes, run task=manifest data.root={data.root} "
-        "pattern='{group}/{label}/*.csv', and train with data=manifest."
-    )
 
 
 def _where_to(data: DataConfig, modalities: Sequence[str]) -> str:

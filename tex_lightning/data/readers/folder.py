@@ -90,9 +90,8 @@ def read_folder(root: str | Path) -> Recordings:
     names = [folder.name for folder in _folders(root)]
     if len(names) > 1 and {name.casefold() for name in names} <= SPLITS:
         raise UserError(
-            f"Folder {root} has the folders {', '.join(names)} in the place of classes; run "
-            f"task=manifest data.root={root} pattern='{{split}}/{{label}}/*.csv', with a pattern "
-            "that fits their names, and train with data=manifest."
+            f"Folder {root} has the folders {', '.join(names)} in the place of classes; "
+            + by_pattern(root, "{split}/{label}/*.csv")
         )
     rows: list[Recording] = []
     notes: list[str] = []
@@ -131,9 +130,8 @@ def _nothing_in(root: Path, others: Sequence[Path], counted: Sequence[str]) -> s
         )
     if {*TRACE_SUFFIXES, *IMAGE_SUFFIXES} & {path.suffix.lower() for path in flat}:
         return (
-            f"Folder {root} has no folder for each class: it holds {count_kinds(flat)}; run "
-            f"task=manifest data.root={root} pattern='{{label}}_{{group}}{flat[0].suffix}', with "
-            "a pattern that fits their names, and train with data=manifest."
+            f"Folder {root} has no folder for each class: it holds {count_kinds(flat)}; "
+            + by_pattern(root, f"{{label}}_{{group}}{flat[0].suffix}")
         )
     cure = next((text for kind, text in CURES.items() if kind in kinds), "")
     said = (
@@ -165,7 +163,11 @@ def to_manifest(root: Path, deep: Sequence[Path]) -> str:
         "{group}" if part == session else "{modality}" if part in MODALITIES else "*"
         for part in inner
     ]
-    pattern = "/".join(["{label}", *between, f"*{deep[0].suffix}"])
+    return by_pattern(root, "/".join(["{label}", *between, f"*{deep[0].suffix}"]))
+
+
+def by_pattern(root: str | Path, pattern: str) -> str:
+    """Say how a manifest is made of the recordings below a folder by a pattern like this one."""
     return (
         f"run task=manifest data.root={root} pattern='{pattern}', with a pattern that fits their "
         "names, and train with data=manifest."
