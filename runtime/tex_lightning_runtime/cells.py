@@ -8,9 +8,11 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from tex_lightning_runtime.times import STAMP
 
+USUAL = 0.8  # of the cells of a column, which are of its kind, or all but one
 NO_SEPARATOR = "\x1f"  # where there is one column
 MISSING = {
     "", "nan", "NaN", "null", "NULL", "none", "None", "na", "NA", "n/a", "N/A", "#N/A", "<NA>", "-",
@@ -72,9 +74,15 @@ class Kinds:
     @staticmethod
     def _usual(count: Counter[str]) -> str:
         for name in ("number", "stamp", "text"):
-            if count[name] and count[name] >= 0.5 * (count.total() - count[""]):
+            if count[name] and count[name] + 1 >= USUAL * (count.total() - count[""]):
                 return name
         return "text" if count.total() > count[""] else ""
+
+    @property
+    def numbered(self) -> bool:
+        """Whether the first column counts the rows one by one."""
+        first = [int(row[0]) if WHOLE.fullmatch(row[0]) else 0 for row in self.rows]
+        return len(first) > 2 and all(b - a == 1 for a, b in pairwise(first))
 
     @property
     def empty(self) -> int:
@@ -94,13 +102,16 @@ class Kinds:
 def decimal_mark(columns: Iterable[Sequence[str]]) -> tuple[str, str | None]:
     """Return the decimal mark and that of thousands, if there is one.
 
-    Marks count by column: the whole numbers of a counter say nothing of the fractions beside them.
+    Marks count by column: the whole numbers of a counter say nothing of the fractions beside them,
+    but numbers with the other mark than these, of which all may be thousands, are such.
 
     Args:
         columns: The cells of each column that are numbers.
     """
     forms = {*map(_form, columns)}
-    return next((marks for form, marks in MARKS.items() if form in forms), (".", None))
+    decimal, thousands = next((m for form, m in MARKS.items() if form in forms), (".", None))
+    other = "." if decimal == "," else ","
+    return decimal, other if f"1{other}234" in forms else thousands
 
 
 def _form(cells: Sequence[str]) -> str:
@@ -118,5 +129,5 @@ def _form(cells: Sequence[str]) -> str:
         small = all(len(cell.lstrip("+-")) < 4 for cell in whole)
         if any(cell.count(mark) > 1 for cell in marked) or (whole and small):
             return f"1{mark}234{mark}567"
-        return f"1{mark}234"  # of points no form: they are decimal
+        return f"1{mark}234"  # of points alone they are decimal
     return ""

@@ -17,6 +17,7 @@ from tex_lightning_runtime.times import (
     STAMP,
     UNITS,
     TableError,
+    are_moments,
     ask_unit,
     number_seconds,
     stamp_seconds,
@@ -31,7 +32,8 @@ TIMES = {  # one of them makes a column one of time
     "時間", "время", "시간",
 }  # fmt: skip
 OF_TIME = {  # a name is one of time if all of its words are such
-    *TIMES, *UNITS, "t", "date", "clock", "stamp", "unix", "ts", "since", "start", "boot", "utc",
+    *TIMES, *UNITS, "t", "date", "clock", "stamp", "unix", "ts", "since", "start", "stop", "boot",
+    "utc",
     "system", "relative", "rel", "header", "field", "local",
 } - {"s", "d", "h", "min"}  # fmt: skip
 NO_TIMES = {
@@ -50,7 +52,7 @@ STATES = {  # few whole numbers so called are no measurement
     "label", "labels", "class", "target", "activity", "category", "annotation", "groundtruth",
     "surface", "material", "terrain", "texture", "user", "subject", "participant", "person",
     "trial", "session", "run", "group", "fold", "experiment", "series", "measurement", "event",
-    "marker", "repetition", "rep", "block",
+    "marker", "repetition", "rep", "block", "table", "fs", "odr",
 }  # fmt: skip
 SENSORS = {"sensor", "channel", "node", "device", "imu", "axis", "source", "address"}
 IDS = {"id", "ids", "uid", "uuid", "guid"}
@@ -110,16 +112,20 @@ class Column:
         if self.is_stamp:
             return not _is(ONLY_DATE, self.values.iloc[0])
         words = {*self.words}
-        if self.is_text or not self.named or words & NO_TIMES:
+        if self.is_text or words & NO_TIMES:
             return False
-        if words & TIMES:
+        values, counts = np.asarray(self.values), words & {*INDICES, *COUNTS, *IDS}
+        if words & TIMES or (not counts and are_moments(values)):
             return True
         units, alone = {*self.units}, words - ({*UNITS} - {*self.words[:1]}) == {"t"}
-        steps = np.diff(np.asarray(self.values))
-        return bool((steps >= 0).all() and steps.any()) and (
-            (self.first and "/" not in self.name and not units.isdisjoint(UNITS))
+        last = {unit for unit in self.words[1:][-1:] if unit in UNITS}
+        first = self.first and "/" not in self.name
+        steps = np.diff(values)
+        rises = ((steps >= 0).all() and steps.any()) or (steps > 0).sum() > USUAL * len(steps)
+        return bool(rises) and (
+            (first and not {*UNITS}.isdisjoint(units or {u for u in last if len(u) > 1}))
             or any(word.endswith(GLUED) for word in words)
-            or (units <= {*UNITS} if alone else bool(words) and words <= OF_TIME)  # T: temperature
+            or (units <= {*UNITS} if alone else bool(words) and words - last <= OF_TIME)
         )
 
     def reason(self) -> str:
@@ -214,8 +220,18 @@ class Column:
             raise missing(self, int(np.isfinite(values).argmin()))
         return number_seconds(values, unit, self.name)
 
+    def no_number(self) -> TableError:
+        """Return the error for cells of text in the place of numbers."""
+        return TableError(
+            f"has {self.fault or 'text'} in the column {self.name!r}, and no number; correct it, "
+            "divide the file there if a recording begins anew, or choose other columns by "
+            "data.channels"
+        )
+
     def no_times(self) -> TableError:
         """Return the error for cells that are no times."""
+        if self.fault:
+            return self.no_number()
         return TableError(
             f"has {self.values.iloc[0]!r} in the column {self.name!r}, and not all of its cells "
             "can be read as such times; write them as 2026-03-01T10:00:00.000"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tex_lightning_runtime.column import MIN_RISING, TIMES, Column, missing
+from tex_lightning_runtime.column import IDS, MIN_RISING, SENSORS, TIMES, Column, missing
 from tex_lightning_runtime.samples import Array, Channels
 from tex_lightning_runtime.times import DAY, EVEN, HOUR, UNITS, Even, TableError, even_samples
 
@@ -58,7 +58,8 @@ def separate(
         TableError: If there are no axes, or times or numbers cannot be understood.
     """
     for column in columns:
-        if kinds := column.interleaved:
+        named = channels is None or bool({*column.words} & {*SENSORS, *IDS})
+        if named and (kinds := column.interleaved):
             raise TableError(
                 f"has rows of {kinds} kinds in turn by {_title(column)}; write each kind "
                 "into a file of its own, or delete that column"
@@ -248,10 +249,7 @@ def _chosen(
 
 def _samples(column: Column) -> Array:
     if column.is_text:
-        raise TableError(
-            f"has {column.fault or 'text'} in the column {column.name!r}, and no number; correct "
-            "it, or choose other columns by data.channels"
-        )
+        raise column.no_number()
     values = np.asarray(column.values, np.float64)
     if np.isnan(values).any():
         raise missing(column, int(np.isnan(values).argmax()))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from tex_lightning_runtime.cells import POINTS, THOUSANDS, WHOLE, Dialect, Kinds, kind
 from tex_lightning_runtime.column import TIMES, split_words
 from tex_lightning_runtime.resampling import MAX_RATE, MIN_RATE
-from tex_lightning_runtime.times import UNITS, TableError
+from tex_lightning_runtime.times import EPOCH, UNITS, TableError
 
 FOOTER = 10  # lines below the numbers
 ROUND = 25  # Hz, of which a rate that nothing calls so is a multiple
@@ -22,7 +22,7 @@ RATE = re.compile(
 PERIOD = re.compile(
     rf"(?:\bsampl\w*[ _-]?(?:period|time)|\b{SAMPLING}[ _-]?interval|\bdelta[ _]?[xt]|\bdt"
     r"|^\W*in(?:crement|terval)"
-    r"|\b(?:[xt]_?|x-axis |time |waveform )(?:inc\w*|delta|interval|step))"
+    r"|\b(?:[hxt]_?|x-axis |time |waveform )(?:inc\w*|delta|interval|step|resolution))"
     rf"(?:[ ]*[(\[](?P<before>[µμ\w]+)[)\]])?{AMOUNT}(?P<unit>[mµμun]?s\b)?",
     re.IGNORECASE,
 )
@@ -54,7 +54,7 @@ def read_heading(
             break
         elif not commented and any(map(kind, cells)):
             return [], _read_other(line, cells, columns, notes)
-        elif not commented and line.strip("-|,;: \t"):  # and no line between
+        elif not commented:
             notes.append(f"a line without numbers is left out: {line.strip()[:40]!r}")
     return rows, None
 
@@ -124,6 +124,8 @@ def _as_many(line: str, dialect: Dialect, columns: Kinds) -> list[str]:
             cells.pop()
         if len(cells) == count + 1 and cells[0].endswith((":", "=")):  # Fields: x y
             cells = cells[1:]
+        if 1 < len(cells) == count - 1 and columns.numbered and {*map(kind, cells)} == {"text"}:
+            cells = ["", *cells]  # R does not name its numbers of rows
         best = best or cells
         if len(cells) in (count, len(columns.kinds)):
             return cells
@@ -167,6 +169,15 @@ def is_numbering(first: list[str], rows: Sequence[Sequence[str]]) -> bool:
 
 def _are_fractions(rows: Sequence[Sequence[str]]) -> bool:
     return all(re.search(r"[.,e]", cell, re.IGNORECASE) for row in rows for cell in row[-1:])
+
+
+def is_beginning(first: list[str], rows: Sequence[Sequence[str]]) -> bool:
+    """Return whether a line has one moment since 1970 above every column of other numbers."""
+    last, moments = [*map(_amount, rows[-1])], {*map(_amount, first)}
+    return len(moments) == 1 and all(
+        now is not None and then is not None and EPOCH[0] < then < EPOCH[1] and now < EPOCH[0]
+        for now in last for then in moments
+    )  # fmt: skip
 
 
 def is_beyond(first: list[str], rows: Sequence[Sequence[str]]) -> bool:

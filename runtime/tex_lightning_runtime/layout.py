@@ -18,6 +18,7 @@ from tex_lightning_runtime.heading import (
     COMMENT,
     SAMPLES,
     UNIT,
+    is_beginning,
     is_beyond,
     is_numbering,
     lone_rate,
@@ -188,7 +189,7 @@ def _with_heading(
     content: bytes, dialect: Dialect, columns: Kinds, head: list[str], start: int, names: list[str]
 ) -> tuple[bytes, Layout]:
     """Read what stands above and below the numbers, and how these are written."""
-    above = [line for line in head[:start] if line.strip(" \t,;")]
+    above = [line for line in head[:start] if line.strip("-+=|,;: \t")]  # and no line between
     notes: list[str] = []
     above = with_statements(above, dialect, columns.count)
     heading, rate = ([names], None) if names else read_heading(above, dialect, columns, notes)
@@ -200,6 +201,9 @@ def _with_heading(
     first = dialect.cells(head[start])
     if not heading and is_numbering(first, columns.rows):
         heading, start = [first], start + 1
+    elif not heading and is_beginning(first, columns.rows):  # and a rate below, as Empatica has
+        second = stated_rate(["fs=" + dialect.cells(head[start + 1])[0]])
+        rate, start = second, start + 2
     elif not heading and is_beyond(first, columns.rows):
         rate, start = lone_rate(first[0], columns.rows, notes), start + 1
     place = len("\n".join(head[:start]).encode()) + (start > 0)

@@ -129,7 +129,7 @@ def without_names(content: bytes, names: list[str]) -> bytes:
             raise TableError(
                 f"does not have {', '.join(names)} in every line; write the same numbers in each"
             )
-    return re.sub(rb"(?m)^[ \t]+|[{}\"']", b"", PAIR.sub(b"", content))
+    return re.sub(rb"(?m)^[ \t]+|[\[\]{}\"']", b"", PAIR.sub(b"", content))
 
 
 def most(lines: list[bytes], fits: Callable[[bytes], object]) -> bool:

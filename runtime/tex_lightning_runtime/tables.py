@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tex_lightning_runtime.cells import MISSING, NUMBER, QUANTITY, decimal_mark
+from tex_lightning_runtime.cells import MISSING, NUMBER, QUANTITY, decimal_mark, kind
 from tex_lightning_runtime.column import Column
 from tex_lightning_runtime.columns import Reading, separate
 from tex_lightning_runtime.heading import mismatch
@@ -57,10 +57,19 @@ def read_table(path: Path, channels: Channels = None, time_unit: str | None = No
     if layout.names is None and 0 <= (layout.count or 0) - frame.size < count > 1:
         raise TableError(f"has {layout.count} samples in lines of {count}; write one sample a line")
     if layout.names is None and rows < count:
-        frame = frame.T.infer_objects()
-        notes = (*notes, f"each of its {rows} lines is read as an axis of {count} samples")
+        if _are_titles(frame[0]):
+            layout, frame = replace(layout, names=(*frame[0].astype(str),)), frame.drop(columns=0)
+        frame = frame.T.reset_index(drop=True).infer_objects()
+        notes = (*notes, f"each of its {rows} lines is read as an axis of {len(frame)} samples")
     samples, rate, reading = separate(_columns(frame, layout), channels, time_unit, layout.rate)
     return samples, rate, replace(reading, notes=(*notes, *reading.notes))
+
+
+def _are_titles(cells: "pd.Series[Any]") -> bool:
+    """Return whether cells are names, all different."""
+    return cells.dtype.kind not in "iuf" and cells.nunique() == len(cells) and all(
+        kind(cell) == "text" for cell in cells.astype(str)
+    )  # fmt: skip
 
 
 Table = tuple[Array, float | None, Reading]
@@ -115,6 +124,11 @@ def _columns(frame: "pd.DataFrame", layout: Layout) -> list[Column]:
             names = names[:-1]
         if len(names) != count:
             raise mismatch(len(names), count)
+    if names is None and _begins_with_date(frame):
+        raise TableError(
+            "begins with year, month and day in columns without names; write a line of names above "
+            "them, such as year,month,day,hour,min,sec,x,y,z"
+        )
     columns = []
     for number in (n for n in range(count) if not empty[n]):
         name = str(number + 1) if names is None else names[number]
@@ -122,6 +136,17 @@ def _columns(frame: "pd.DataFrame", layout: Layout) -> list[Column]:
         unit = layout.units[number] if number < len(layout.units) else unit
         columns.append(Column(name, unit, values, names is not None, number == 0, fault))
     return columns
+
+
+def _begins_with_date(frame: "pd.DataFrame") -> bool:
+    """Return whether the first of five whole columns are a day, as MATLAB's clock has them."""
+    first = frame.iloc[:, :6]
+    if len(first.columns) < 6 or any(kind not in "iuf" for kind in (t.kind for t in first.dtypes)):
+        return False
+    whole, low, high = (first.iloc[:, :5] % 1 == 0).all().all(), first.min(), first.max()
+    day = sorted([*high[:3]]) if (low[:3] == high[:3]).all() else [0.0]
+    clock = (low[3:] >= 0).all() and high.iloc[3] < 24 and (high[4:] < 60).all()
+    return bool(whole and clock and day[0] >= 1 and day[-2] <= 31 and 1970 <= day[-1] < 2100)
 
 
 def _numbers(cells: "pd.Series[Any]") -> tuple["pd.Series[Any]", str, str]:

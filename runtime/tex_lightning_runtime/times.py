@@ -35,6 +35,7 @@ EVEN = 0.01  # of a step, up to which samples stay as they are
 GAP = 2.5  # steps, above which samples are missing; times rounded to few digits reach 2
 LARGE_GAP = 10  # steps, from which on it is said
 MAX_FILLED = 2  # times as many samples, beyond which most of a recording would be made up
+SELDOM = 0.1  # of the samples, at which a clock begins anew
 MAX_DRIFT = 0.05  # of the duration, by which repeated times may lie beside even ones
 DATE = (
     r"(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4}"
@@ -109,10 +110,8 @@ def number_seconds(values: Array, unit: float | None, name: str) -> Array:
     Raises:
         TableError: If the unit has to be asked for.
     """
-    since = np.asarray(values - values[0], np.float64)
-    if unit is None:
-        first = float(values[0])
-        unit = next((u for u in (1.0, 1e-3, 1e-6, 1e-9) if EPOCH[0] < first * u < EPOCH[1]), None)
+    since = np.asarray(_begun_anew(values) - values[0], np.float64)
+    unit = unit or _moment_unit(values)
     if unit is None:
         steps = np.diff(since)  # gaps and repetitions apart
         step = float(np.median(steps) or steps.mean()) if len(steps) else 0.0
@@ -120,6 +119,31 @@ def number_seconds(values: Array, unit: float | None, name: str) -> Array:
             raise ask_unit(name, f"which rises by {step:.6g} a sample, has no unit")
         unit = 1.0
     return since * unit
+
+
+def _moment_unit(values: Array) -> float | None:
+    """Return the unit in seconds of moments since 1970, if the first of some numbers is one."""
+    first = float(values[0])
+    return next((u for u in (1.0, 1e-3, 1e-6, 1e-9) if EPOCH[0] < first * u < EPOCH[1]), None)
+
+
+def are_moments(values: Array) -> bool:
+    """Return whether numbers are moments since 1970 of a signal, whatever they are called."""
+    unit = _moment_unit(values)
+    if unit is None or not (np.diff(values) >= 0).all():
+        return False
+    return bool(0 < (values[-1] - values[0]) * unit < len(values) / MIN_RATE)
+
+
+def _begun_anew(values: Array) -> Array:
+    """Return whole numbers of a clock of 16 or 32 bits without the places where it is full."""
+    falls = np.diff(values, prepend=values[:1]) < 0
+    for turn in (1 << 16, 1 << 32) if 0 < falls.mean() < SELDOM and values.min() >= 0 else ():
+        whole: Array = values + turn * np.cumsum(falls)
+        steps = np.diff(whole)
+        if (steps >= 0).all() and (steps[falls[1:]] < GAP * np.median(steps)).all():
+            return whole
+    return values
 
 
 def ask_unit(name: str, fault: str) -> TableError:
@@ -143,7 +167,8 @@ def even_samples(times: Array, samples: Array) -> Even:
     if not len(steps) or times[-1] <= times[0] or not (steps >= 0).all():
         raise TableError(
             f"has times that do not rise at sample {int(np.argmin([*(steps >= 0), False])) + 1}; "
-            "correct them, or delete that column and give data.file_rate"
+            "divide it there if a recording begins anew, correct them, or delete that column and "
+            "give data.file_rate"
         )
     if not (steps > 0).all():
         return _repeated(times, samples)
@@ -167,17 +192,22 @@ def even_samples(times: Array, samples: Array) -> Even:
     return Even(samples, 1 / step, "", notes)
 
 
+def _line(places: Array, times: Array) -> tuple[float, float]:
+    """Return by how much times at most leave a straight line over their places, and its slope."""
+    line = np.polyfit(places, times, 1)
+    return float(np.abs(times - np.polyval(line, places)).max()), float(line[0])
+
+
 def _repeated(times: Array, samples: Array) -> Even:
     """Take samples for even whose times are rounded to more than a step, or are of arrival."""
-    places = np.arange(len(times)) - (len(times) - 1) / 2
-    step = float(places @ times / (places @ places))
-    drift = np.abs(times - times.mean() - step * places).max()
     rises = np.diff(times)
-    if (rises > 0).sum() < MIN_STAMPS - 1:
+    last = np.flatnonzero(rises)  # of each time, where it is that of arrival; else the first counts
+    if len(last) < MIN_STAMPS - 1:
         raise TableError(
             f"has times that repeat within {rises.max():.3g} s, too coarse for the rate; delete "
             "that column and give data.file_rate"
         )
+    drift, step = min(_line(places, times[places]) for places in (last, last + 1))
     if drift > max(MAX_DRIFT * (times[-1] - times[0]), 1.5 * rises[rises > 0].min()):
         raise TableError(
             f"has times that repeat at sample {int(np.argmin(rises)) + 1} and leave gaps "

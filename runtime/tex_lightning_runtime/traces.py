@@ -32,6 +32,7 @@ from tex_lightning_runtime.tables import SUFFIXES, read_table
 from tex_lightning_runtime.times import TableError
 
 DAMAGE = (ValueError, EOFError, OSError, LookupError, MemoryError)
+AXIS = re.compile(r"(|.*[_. -]|.*[a-z](?=[XYZ]))([XYZxyz])((?:[_. -][^_. -]+)?\.\w+)")
 _HEADERS = Lock()  # Python 3.11 parses one in two threads at once with a SystemError
 # Samples in any order, their rate in Hz if the file states it, and what is to be said of it.
 Raw = tuple[Array, float | None, tuple[str, ...]]
@@ -72,7 +73,8 @@ def _join_axes(path: Path, parts: list[Signal]) -> Signal:
     if {*shapes} != {(1, shapes[0][1])} or len({part.rate for part in parts}) > 1:
         raise UserError(
             f"The axes X, Y, Z of trace {path} have the shapes {', '.join(map(str, shapes))}; each "
-            "must be a single one, and all of one length and rate."
+            "must be a single one, and all of one length and rate; call recordings of their own "
+            "otherwise."
         )
     names = tuple(name for part in parts for name in part.reading.axes)
     reading = replace(parts[0].reading, axes=names)
@@ -82,15 +84,17 @@ def _join_axes(path: Path, parts: list[Signal]) -> Signal:
 def axis_files(path: Path) -> tuple[Path, ...]:
     """List the files of one recording: three if its axes lie apart, as in LMT-108, else itself.
 
-    Files are axes of one recording if their names differ in ``_X_``, ``_Y_``, ``_Z_`` before the
-    last part of the name (``G1Mesh_Movement_X_train1.txt``). Any of the three stands for all, and
-    all are needed if there are two.
+    Files are axes of one recording if their names differ in ``X``, ``Y``, ``Z`` at their end or
+    before the last part (``G1Mesh_Movement_X_train1.txt``, ``1_x.csv``, ``accX.csv``, ``x.csv``).
+    Any of them stands for all. X and Y may be alone; else all are needed if there are two.
     """
-    match = re.fullmatch(r"(.+_)[XYZ](_[^_]+)", path.name)
+    match = AXIS.fullmatch(path.name)
     if match is None or path.suffix.lower() not in TRACE_SUFFIXES:
         return (path,)
-    files = tuple(path.with_name(f"{match[1]}{axis}{match[2]}") for axis in "XYZ")
-    return files if sum(map(is_file, files)) > 1 else (path,)
+    names = "XYZ" if match[2].isupper() else "xyz"
+    files = tuple(path.with_name(f"{match[1]}{axis}{match[3]}") for axis in names)
+    there = [*map(is_file, files)]
+    return (path,) if sum(there) < 2 else files if there[2] else files[:2]
 
 
 def stands_for_all(path: Path) -> bool:

@@ -367,6 +367,45 @@ READ = {
     "letters without width": (
         table(times(), [f"\u200e{x}" for x in X], Y, Z, names="t,x,y,z\n"), RATE
     ),
+    "times of arrival of unequal batches": (
+        table(column(np.repeat(np.cumsum([3, 5, 4, 8] * 12), [3, 5, 4, 8] * 12) * 500, "{}"), *XYZ,
+              names="time_us,x,y,z\n"), RATE
+    ),
+    "times of batches": (table(column(np.array(NUMBERS) // 24 * 12, "{}"), *XYZ,
+                               names="time_ms,x,y,z\n"), RATE),
+    "a clock of 16 bits": (
+        table(column((np.array(NUMBERS) * 500 + 65_000) % 65_536, "{}"), *XYZ,
+              names="micros,x,y,z\n"), RATE
+    ),
+    "since 1970 without a name": (table(*XYZ, at(1e6)), RATE),
+    "since 1970 of any name": (table(at(1e9), *XYZ, names="stamp_host,x,y,z\n"), RATE),
+    "begin and rate above the numbers": (
+        table([f"{BEGIN.timestamp()}", "64.0", *X], [f"{BEGIN.timestamp()}", "64.0", *Y],
+              [f"{BEGIN.timestamp()}", "64.0", *Z], mark=", "), 64
+    ),
+    "a first column with a unit of time": (
+        table(times(1e3), *XYZ, names="device_ms,x,y,z\n"), RATE
+    ),
+    "begin and end of each sample": (
+        table(times(), times(start=1 / RATE), *XYZ, names="start_s,stop_s,x,y,z\n"), RATE
+    ),
+    # rows and columns
+    "numbers of rows without a name": (
+        table([f'"{n + 1}"' for n in NUMBERS], times(), *XYZ, mark=" ", names='"t" "x" "y" "z"\n'),
+        RATE
+    ),
+    "an axis a line with its name": (
+        "\n".join(",".join(line) for line in (["t", *times()], *(
+            [name, *each] for name, each in zip("xyz", XYZ, strict=True)))), RATE
+    ),
+    "a rule below the names": (
+        table(times(), *XYZ, mark=" | ", names=" t | x | y | z\n---+---+---+---\n")
+        + "(240 rows)\n", RATE
+    ),
+    "an array of JSON": (
+        "[" + ",\n".join(f'{{"x": {a}, "y": {b}, "z": {c}}}'
+                         for a, b, c in zip(*XYZ, strict=True)) + "]\n", None
+    ),
     # numbers
     "minus of typography": (
         table(*([c.replace("-", "\u2212") for c in each] for each in XYZ), names="x,y,z\n"), None
@@ -544,6 +583,18 @@ REFUSED = {
         table(times(), X, times(2), Y, names="Time (s),x,Time 2 (s),y\n"),
         r"has 0.239 s in 'Time 2 \(s\)' and 0.1195 s in 'Time \(s\)'; write each with its columns",
     ),
+    "times that begin anew": (
+        table(times()[:99] + times()[:141], *XYZ, names="t,x,y,z\n"),
+        "do not rise at sample 99; divide it there if a recording begins anew",
+    ),
+    "names and times again": (
+        table(times(), X, names="time,x\n") * 2,
+        f"has 'time' at sample {COUNT} in the column 'time', and no number; correct it, divide",
+    ),
+    "a date in parts without names": (
+        table(*([each] * COUNT for each in ("2026", "3", "1", "23", "59")), times(), *XYZ),
+        "year, month and day in columns without names; write a line of names above them, such as",
+    ),
     "times in words": (table(["day 1"] * COUNT, *XYZ, names="time,x,y,z\n"), "'day 1' in the colu"),
 }  # fmt: skip
 
@@ -580,10 +631,31 @@ def test_names_choose_the_axes_in_any_order(tmp_path):
         read_table(write(tmp_path, table(*XYZ, names="a,b,a\n")), ["a"])
 
 
+def test_text_that_changes_is_left_out_where_others_are_chosen(tmp_path):
+    rows = {
+        "state": (["on", "off"] * (COUNT // 2), None),
+        "mode": (["1.5", "1.6", "n/v"] * (COUNT // 3), None),
+        "sensor": (["a", "b"] * (COUNT // 2), "2 kinds in turn by 'sensor'"),
+    }
+    for name, (cells, message) in rows.items():
+        path = write(tmp_path, table(times(), *XYZ, cells, names=f"t,x,y,z,{name}\n"))
+        with pytest.raises(TableError, match=message or "kinds in turn|'n/v' at sample 2"):
+            read_table(path, ["x", "y", "z"] if message else None)
+        if not message:
+            samples, rate, _ = read_table(path, ["x", "y", "z"])
+            np.testing.assert_allclose(samples, AXES, atol=1e-9)
+            assert rate == pytest.approx(RATE)
+
+
 def test_marks_count_by_column(tmp_path):
     fractions = column(9 + AXES[0] / 4, "{:.3f}")
     text = table(column(np.array(NUMBERS) % 7 + 10, "{}"), fractions, mark=";", comma=True)
     np.testing.assert_allclose(read_table(write(tmp_path, text))[0][1], [*map(float, fractions)])
+    counts = np.array(NUMBERS) * 77 + 12_345  # by the mark of the other column
+    for comma in (False, True):
+        cells = [c.replace(",", "." if comma else ",") for c in column(counts, "{:,}")]
+        text = table(COMMAS[0] if comma else X, cells, mark=";")
+        np.testing.assert_allclose(read_table(write(tmp_path, text))[0], [AXES[0], counts])
     rare = np.array(NUMBERS) + 300
     rare[3] = 12_345  # far from where the dialect is found
     text = table(column(rare, "{:,}"), column(rare % 97, "{}"), mark=";", names="x;y\n")

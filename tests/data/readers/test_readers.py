@@ -106,6 +106,24 @@ def test_two_axes_of_three_stay_one_recording(tmp_path):
     assert [row.path.name for row in read_folder(tmp_path)] == ["1.wav", "alpha_Y_5.txt"]
 
 
+@pytest.mark.parametrize(
+    ("one", "other", "pattern"),
+    [
+        ("a/1_acc.csv", "a/1_gyro.csv", "{label}/*acc*.csv"),
+        ("a/haptic/Acc1.csv", "a/haptic/Gyroscope1.csv", "{label}/{modality}/*Acc*.csv"),
+        ("a/image/1_rgb.png", "a/image/1_depth.png", "{label}/{modality}/*depth*.png"),
+    ],
+)
+def test_files_of_two_sensors_are_no_two_recordings(tmp_path, one, other, pattern):
+    touch(tmp_path, one, other, one.replace("1", "2"), other.replace("1", "2"))
+    with pytest.raises(UserError, match=f"of two sensors .*pattern='{re.escape(pattern)}'"):
+        read_folder(tmp_path)
+    table, _ = read_names(tmp_path, pattern)
+    assert len(table) == len({row.group for row in table}) == 2
+    with pytest.raises(UserError, match="of two sensors"):
+        read_names(tmp_path, "{label}/*" if one.count("/") == 1 else "{label}/*/*")
+
+
 def test_a_folder_of_other_kinds_alone_says_what_is_there(tmp_path):
     touch(tmp_path, *(f"{label}/haptic/{n}.mp3" for label in "ab" for n in range(3)), "a/Thumbs.db")
     with pytest.raises(UserError, match=rf"holds no recordings; .* {OTHERS}6 \.mp3 \(such as"):

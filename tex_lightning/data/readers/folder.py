@@ -6,6 +6,7 @@ own, ``root/CLASS/NAME/*``, are read as well. A class without folders for its se
 lies, ``root/CLASS/*``: a file's suffix tells its sense.
 """
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -39,6 +40,11 @@ CURES = {
     **dict.fromkeys((".dat", ".log", ".asc", ".prn"), TO_TEXT),
     **dict.fromkeys((".heic", ".heif", ".gif", ".raw", ".cr2", ".nef"), TO_PHOTO),
 }  # of files that are not read, by suffix
+SENSOR = re.compile(
+    r"(?<![a-z])(?:acc|accel[a-z]*|gyro[a-z]*|mag|magnet[a-z]*|gravity|orientation|force|torque|pressure"
+    r"|temp|temperature|audio|sound|mic|microphone|haptic|tactile|vibration|rgb|depth|mask)(?![a-z])",
+    re.IGNORECASE,
+)  # in the names of files beside each other
 BESIDE = {"haptic": TRACE_SUFFIXES, "image": IMAGE_SUFFIXES}  # of files in the folder of a class
 
 
@@ -108,6 +114,7 @@ def read_folder(root: str | Path) -> Recordings:
     counted = [f"Of other kinds and not read: {count_kinds(others)}."] if others else []
     if not rows:
         raise UserError(_nothing_in(root, others, counted))
+    check_sensors(root, rows)
     return Recordings(tuple(rows), (*notes, *counted))
 
 
@@ -155,7 +162,31 @@ def _deeper(directory: Path, recordings: Sequence[Recording]) -> list[Path]:
     ]  # fmt: skip
 
 
-def to_manifest(root: Path, deep: Sequence[Path]) -> str:
+def check_sensors(root: Path, rows: Sequence[Recording]) -> None:
+    """Reject files of several sensors of one recording, which would be recordings of their own.
+
+    Raises:
+        UserError: Naming two whose names differ in words such as ``acc`` and ``gyro``.
+    """
+    seen: dict[object, Path] = {}
+    for row in rows:
+        key = (
+            row.modality,
+            row.label,
+            row.conditions,
+            row.path.with_name(SENSOR.sub("*", row.path.name)),
+        )
+        first = seen.setdefault(key, row.path)
+        word = SENSOR.search(first.name)
+        if first != row.path and word:
+            raise UserError(
+                f"{first} and {row.path.name} are of two sensors by their names; write the columns "
+                "of one recording into one file, or choose a sensor: "
+                + to_manifest(root, [first], f"*{word[0]}*")
+            )
+
+
+def to_manifest(root: Path, deep: Sequence[Path], name: str = "*") -> str:
     """Say how a manifest is made of recordings in folders within those of their classes."""
     inner = deep[0].relative_to(root).parts[1:-1]
     session = next((part for part in inner if part.casefold() not in MODALITIES), None)
@@ -163,7 +194,7 @@ def to_manifest(root: Path, deep: Sequence[Path]) -> str:
         "{group}" if part == session else "{modality}" if part in MODALITIES else "*"
         for part in inner
     ]
-    return by_pattern(root, "/".join(["{label}", *between, f"*{deep[0].suffix}"]))
+    return by_pattern(root, "/".join(["{label}", *between, f"{name}{deep[0].suffix}"]))
 
 
 def by_pattern(root: str | Path, pattern: str) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tex_lightning.data.manifest import FOLD, KNOWN, PART, RATE
+from tex_lightning.data.readers.folder import check_sensors
 from tex_lightning.data.recordings import Recording, Recordings, is_hidden, natural_key
 from tex_lightning.errors import UserError, shorten
 from tex_lightning_runtime.photos import IMAGE_SUFFIXES
@@ -51,6 +52,7 @@ def read_names(root: Path, pattern: str) -> tuple[Recordings, list[str]]:
             f"No file in {root} has a name like pattern={shorten(pattern)}, {seen}; correct the "
             "pattern, which is a path below data.root."
         )
+    check_sensors(root, rows)
     return Recordings(tuple(rows)), others
 
 
