@@ -244,13 +244,13 @@ class FittedLater(nn.Module):
     Until then they take no room in a checkpoint.
 
     Args:
-        names: Names of the buffers, of which the first has a row for each class.
-        classes: Number of classes.
+        names: Names of the buffers.
+        rows: Number of rows of the first, as of the classes.
     """
 
-    def __init__(self, names: Sequence[str], classes: int) -> None:
+    def __init__(self, names: Sequence[str], rows: int) -> None:
         super().__init__()
-        self.names, self.classes = tuple(names), classes
+        self.names, self.rows = tuple(names), rows
         for name in names:
             self.register_buffer(name, torch.zeros(0))
 
@@ -268,9 +268,9 @@ class FittedLater(nn.Module):
     def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *rest: Any) -> None:  # noqa: ANN401
         """Take the sizes of what is loaded; checkpoints of before have none."""
         given = [state.setdefault(prefix + name, torch.zeros(0)) for name in self.names]
-        if given[0].numel() and len(given[0]) != self.classes:
+        if given[0].numel() and len(given[0]) != self.rows:
             first = f"{prefix}{self.names[0]}"
-            rest[-1].append(f"{first} are of {len(given[0])} classes, not {self.classes}.")
+            rest[-1].append(f"{first} has {len(given[0])} rows, not {self.rows}.")
             return
         like = self.get_buffer(self.names[0])
         for name, value in zip(self.names, given, strict=True):

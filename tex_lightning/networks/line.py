@@ -18,6 +18,8 @@ MARGIN = 4.0  # over the root of the rows: of few the largest length says little
 ROWS = 1000  # that are measured at once
 APART = 6.0  # deviations of strength, over the root of the rows, beyond the weakest and strongest
 SUFFICES = 0.75  # of the left-out rows that are right with levels, for scores without
+BEYOND = 1.5  # times the share of features that chance takes out of the range of the training
+RANGE = "range"  # name of what the features of a recording are kept in
 SHORT, GAINLESS = "short", "gainless"  # names of the scores of other recordings
 
 
@@ -57,6 +59,10 @@ class RangeGate(nn.Module):
         limits: Tensor = (margin**2 * longest).clamp_min(torch.finfo().tiny)
         return limits.to(self.limits)
 
+    def widened(self, rows: Tensor) -> dict[str, Tensor]:
+        """Return the limits with those that more rows (rows, D) give."""
+        return {"limits": torch.maximum(self.limits, self.limits_of(rows))}
+
     def lengths(self, x: Tensor) -> Tensor:
         """Return squared lengths (B, groups) of the mean of features (B, D, positions...)."""
         squares = x.flatten(2).mean(dim=2).square()
@@ -81,6 +87,75 @@ class RangeGate(nn.Module):
         outside = far.to(x.dtype) @ self.member.to(x.dtype)
         inside: Tensor = x * (1 - outside.clamp(max=1))[:, :, None, None]
         return inside
+
+
+class FeatureRange(FittedLater):
+    """Move a recording that is unlike all in training to the edge of what they reach.
+
+    A line goes on for ever, and knows nothing of what lies outside. Another sensor, clock or hand
+    takes many features there at once; one more recording of the same kind takes few: of n training
+    recordings and itself each has the same chance to be the least or the largest. The means of
+    short recordings vary more, and are left as they are.
+
+    Args:
+        bands: Features of a fragment, D.
+
+    Attributes:
+        lowest: Least mean (D,) of a training recording.
+        highest: Largest mean (D,).
+        share: Of the features that vary, from which on a recording is unlike all in training.
+        most: Fragments of the longest recording that is short.
+    """
+
+    lowest: Tensor
+    highest: Tensor
+    share: Tensor
+    most: Tensor
+
+    def __init__(self, bands: int) -> None:
+        super().__init__(("lowest", "highest", "share", "most"), bands)
+
+    def fit(self, means: Tensor, count: int, most: int) -> None:
+        """Take the range of the training.
+
+        Args:
+            means: Features (versions, D) of recordings.
+            count: Number of the recordings that these are versions of.
+            most: Fragments of the longest recording that is short.
+        """
+        self.take({
+            "lowest": means.amin(dim=0),
+            "highest": means.amax(dim=0),
+            "share": torch.tensor(BEYOND * 2 / (count + 1)),
+            "most": torch.tensor(float(most)),
+        })  # fmt: skip
+
+    def widened(self, means: Tensor) -> dict[str, Tensor]:
+        """Return the least and largest means with those of more recordings (recordings, D)."""
+        if not self.in_use:
+            return {}
+        return {
+            "lowest": torch.minimum(self.lowest, means.amin(dim=0)),
+            "highest": torch.maximum(self.highest, means.amax(dim=0)),
+        }
+
+    def forward(self, x: Tensor, whole: tuple[Tensor, int]) -> Tensor:
+        """Return features (B, D, M, N) that are moved as the mean of their recording has to be.
+
+        Args:
+            x: Features of all fragments of a recording, or of some.
+            whole: Mean (B, D, 1) of all its fragments and their number.
+        """
+        if not self.in_use or self.training:
+            return x
+        mean, count = whole[0].flatten(1), whole[1]
+        moves = mean.clamp(self.lowest, self.highest) - mean
+        outside = (moves != 0).sum(dim=1, keepdim=True)
+        unlike = outside >= self.share * (self.lowest < self.highest).sum()
+        unlike = unlike & (self.most < count)
+        if is_at_hand(x) and not unlike.any():
+            return x
+        return x + (unlike * moves)[:, :, None, None]
 
 
 class ShortLine(FittedLater):
@@ -201,9 +276,10 @@ class LineOrPlanes(nn.Sequential):
     """
 
     def __init__(self, gate: nn.Module, layer: nn.Conv2d) -> None:
-        count = layer.out_channels
-        parts = [("0", gate), ("planes", ClassPlanes(count)), (SHORT, ShortLine(count))]
-        super().__init__(OrderedDict([*parts, (GAINLESS, GainlessLine(count)), ("1", layer)]))
+        count, bands = layer.out_channels, layer.in_channels
+        parts = [("0", gate), (RANGE, FeatureRange(bands)), ("planes", ClassPlanes(count))]
+        lines = [(SHORT, ShortLine(count)), (GAINLESS, GainlessLine(count)), ("1", layer)]
+        super().__init__(OrderedDict([*parts, *lines]))
 
     def forward(self, x: Tensor, whole: tuple[Tensor, int] | None = None) -> Tensor:
         """Map features (B, D, M, N) to class scores before softmax (B, classes, M, N).
@@ -214,11 +290,11 @@ class LineOrPlanes(nn.Sequential):
             whole = x.flatten(2).mean(dim=2, keepdim=True), x[0, 0].numel()
         if not torch.compiler.is_exporting() and x.shape[-1] > BLOCK:
             return torch.cat([self(part, whole) for part in torch.split(x, BLOCK, dim=-1)], dim=-1)
-        gate, planes, short, gainless, layer = self
-        inside: Tensor = gate(x, whole)
+        gate, within, planes, short, gainless, layer = self
+        mean, count = whole
+        inside: Tensor = gate(within(x, whole), whole)
         if not self.is_linear:
             return cast(Tensor, planes(inside))
-        mean, count = whole
         scores = weighed(inside, *cast(ShortLine, short).layer(cast(nn.Conv2d, layer), count))
         if cast(GainlessLine, gainless).in_use and not self.training:
             scores = gainless(inside, mean, scores)
