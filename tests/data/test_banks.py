@@ -51,18 +51,6 @@ def test_every_version_of_a_recording_is_cut_alike():
     assert stats.chisquare(np.bincount(number[:3000])[::2]).pvalue > 0.01
 
 
-def test_a_fifth_of_the_sub_samples_have_another_gain_whichever_process_cuts_them():
-    bank, every = InputBank([spectrogram(20, 0)], frames=10), np.zeros(3000, int)
-    assert bank.cut(every, np.random.default_rng(0)).keys() == {"input"}
-    bank.other_gain = 20.0
-    decibels = bank.cut(every, np.random.default_rng(0))["decibels"]
-    assert 0.17 < decibels.count_nonzero() / len(every) < 0.23
-    assert decibels.min() < -19 < 19 < decibels.max()
-    assert decibels.abs().max() < 20
-    share = slice(1, None, 2)
-    assert bank.cut(every, np.random.default_rng(0), share)["decibels"].equal(decibels[share])
-
-
 def test_crops_are_pieces_of_the_photo(photos):
     rows, store = photos
     bank = PhotoBank(rows, store, side=230, rotation=0.0)

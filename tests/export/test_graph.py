@@ -95,3 +95,24 @@ def test_a_slow_signal_decides_alike_after_an_export_at_any_gain(axes, tmp_path)
             found = runtime.predict(haptic=gain * trace)
             assert found["label"] == expected.label == str(label)
             assert found["confidence"] == pytest.approx(expected.confidence, abs=1e-4)
+
+
+@pytest.mark.slow
+def test_a_signal_unlike_all_in_training_decides_alike_after_an_export(tmp_path):
+    rng, labels = np.random.default_rng(0), np.arange(12) % 3
+    time = np.arange(1000) / 1000
+    waves = [np.sin(2 * np.pi * (60 + 90 * label) * time) for label in labels]
+    traces = [(wave + 0.5 * rng.standard_normal(1000)).astype(np.float32) for wave in waves]
+    model = tl.Estimator("few/haptic", rate=1000, **SHORT_WINDOWS).fit(traces, labels)
+    other = (traces[0] + 0.3 * np.sign(rng.standard_normal(1000))).cumsum().astype(np.float32)
+    expected = model.predictor_.predict(haptic=other)
+    model.export(tmp_path)
+    (file,) = tmp_path.glob("*.onnx")
+    found = Runtime(file, threads=1).predict(haptic=other)
+    assert found["label"] == expected.label
+    assert found["confidence"] == pytest.approx(expected.confidence, abs=1e-4)
+    classifier, signal = model.predictor_.classifier, torch.from_numpy(other)[None]
+    moved = classifier.logits(haptic=signal)
+    within: Any = classifier.senses["haptic"].network
+    within.head.scores.range.take(None)
+    assert not torch.allclose(classifier.logits(haptic=signal), moved, atol=1e-2)

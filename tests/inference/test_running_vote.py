@@ -89,6 +89,32 @@ def test_a_rest_in_the_end_does_not_count_however_long():
     assert last.probability == pytest.approx(vote.doubted(quality.doubt).probability, abs=1e-4)
 
 
+def of_another_gain() -> SurfaceClassifier:
+    """A classifier that was trained on weaker strokes, whose beginnings differ."""
+    classifier = hapticnet()
+    features = classifier.senses["haptic"].features
+    weaker = [torch.from_numpy(strokes(RATE, axes)[:1] / 40) for axes in (1, 2)]
+    features.fit([features.magnitudes(trace) for trace in weaker])
+    return classifier
+
+
+@pytest.mark.parametrize("seconds", [(0.5, 8.0, 0.0, 1.0, 0.5), (0.5, 2.5, 2.5, 3.0, 1.0)])
+def test_the_gain_of_the_first_seconds_is_that_of_the_whole(seconds):
+    classifier, samples = of_another_gain(), strokes(RATE, 1, *seconds)
+    gains = []
+    stream = live(classifier)
+    for end in range(RATE // 2, samples.shape[1], RATE // 2):
+        found = stream.push(samples[:, end - RATE // 2 : end])
+        vote, quality = said_by_the_whole(stream, samples[:, :end])
+        if vote is not None:
+            expected = vote.doubted(quality.doubt).probability
+            assert found.probability == pytest.approx(expected, abs=1e-4)
+            assert found.fragments == len(vote.fragments)
+            gains.append(stream.running_vote.gain)
+    assert gains[0] is None
+    assert float(gains[-1]) == pytest.approx(1 / 40, rel=0.1)
+
+
 SLOW = pytest.mark.slow
 
 

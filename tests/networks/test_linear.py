@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from tex_lightning.networks.line import RangeGate
+from tex_lightning.networks.line import FeatureRange, RangeGate
 from tex_lightning.networks.linear import LinearNet
 
 CLASSES, BANDS = 3, 12
@@ -275,6 +275,7 @@ def slow_recordings(spread: float, gain: float = 0.0, seed: int = 0):
 
 
 SLOW = [("shape", 6), ("level", 2), ("level", 2)]
+SLOW12 = [("shape", 8), ("level", 2), ("level", 2)]
 
 
 @pytest.mark.parametrize("gain", [-12.0, 12.0])
@@ -283,6 +284,7 @@ def test_a_strength_that_no_training_had_is_scored_by_shape_alone(gain):
     inputs, labels = slow_recordings(1)
     network.fit(inputs, labels)
     shapes.fit([x[:, :6] for x in inputs], labels)
+    shapes.head.scores.range.take(None)  # one of six features is soon out of range
     state = network.state_dict()
     loaded = LinearNet(4, bands=10, blocks=SLOW)
     loaded.load_state_dict(state)
@@ -346,6 +348,48 @@ def test_levels_may_follow_what_disturbs():
     networks[1].fit(inputs, labels, disturbed=disturbed_along(level, inputs))
     weights = [network.score_layer.weight for network in networks]
     torch.testing.assert_close(*weights)
+
+
+def test_a_recording_unlike_all_in_training_is_moved_to_the_edge_of_what_they_reach():
+    rng, labels, size = np.random.default_rng(0), torch.arange(3).repeat(10), 40
+    centres = 3 * rng.standard_normal((3, size))
+    values = centres[labels] + rng.standard_normal((30, size))
+    network = LinearNet(3, bands=size).eval()
+    network.fit(rows(values), labels)
+    loaded = LinearNet(3, bands=size).eval()
+    loaded.load_state_dict(network.state_dict())
+    unlike, usual = values.copy(), values[::10].copy()
+    unlike[:, ::4] += 6 * np.sign(unlike[:, ::4])
+    clipped = unlike.clip(values.min(axis=0), values.max(axis=0))
+    wave = np.tile([1.0, -1.0], 3)  # its fragments differ, and are moved alike
+    given, moved = (torch.from_numpy(x[:, None, :, None] + wave).float() for x in (unlike, clipped))
+    usual[:, 7] = 50  # only a fortieth of the features
+    network.head.scores.range.take(None)
+    torch.testing.assert_close(loaded(given), network(moved), rtol=1e-4, atol=1e-4)
+    assert not torch.allclose(network(given), network(moved), atol=0.1)
+    for x in (torch.stack(rows(values)), torch.stack(rows(usual))):
+        assert torch.equal(loaded(x), network(x))
+    state = {key: x for key, x in network.state_dict().items() if ".range." not in key}
+    loaded.load_state_dict(state)  # of before
+    assert torch.equal(loaded(given), network(given))
+
+
+def test_levels_and_short_recordings_may_lie_outside_of_the_training():
+    inputs, labels = recordings(4)
+    inputs = [torch.cat([x] * 4, dim=2) for x in inputs]  # 12 to 24 fragments
+    leveled, within = (LinearNet(CLASSES, bands=BANDS, blocks=blocks) for blocks in (SLOW12, None))
+    leveled.fit(inputs, labels)
+    assert not leveled.head.scores.range.in_use
+    within.eval().fit(inputs, labels)
+    part: FeatureRange = within.head.scores.range
+    for fragments, moves in ((4, False), (5, True)):
+        x = torch.full((1, BANDS, 1, fragments), 30.0)
+        found = part(x, (x.mean(dim=3), fragments))
+        expected = part.highest[None, :, None, None].expand_as(x) if moves else x
+        torch.testing.assert_close(found, expected)
+    more = torch.stack([part.highest + 1, part.lowest])
+    part.take(part.state_dict() | part.widened(more))
+    torch.testing.assert_close(part(x, (x.mean(dim=3), 5)), more[:1, :, None, None].expand_as(x))
 
 
 def test_a_group_is_out_of_range_from_its_limit_on_and_sooner_in_long_recordings():

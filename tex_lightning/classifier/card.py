@@ -50,6 +50,7 @@ FORMER: dict[str, dict[str, float | str]] = {
     "tex_lightning.networks.visualnet.VisualNet": {"dropout": 0.5},
     "tex_lightning.senses.features.spectrogram.SpectrogramFeatures": {"scale": "linear"},
 }
+GONE = {"other_gain"}  # arguments of such cards that told only how to train
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,11 @@ class Card:
         """
         card = cls(**{entry.name: stored[entry.name] for entry in fields(cls)})
         _check(card)
-        senses = {name: _completed(sense, FORMER) for name, sense in card.senses.items()}
+        kept = {
+            name: {key: value for key, value in sense.items() if key not in GONE}
+            for name, sense in card.senses.items()
+        }
+        senses = {name: _completed(sense, FORMER) for name, sense in kept.items()}
         return replace(card, senses=senses)
 
     def deciding(self, decision: DecisionConfig) -> Self:

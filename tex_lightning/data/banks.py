@@ -18,7 +18,6 @@ from tex_lightning.perturbations.table import Augmentation
 
 Indices = npt.NDArray[np.int64]
 WHOLE = slice(None)
-GAINED = 0.2  # share of the sub-samples that have another gain
 MAX_MAPS = 768  # photos; many systems allow a process 1024 open files, macOS and Windows fewer
 
 
@@ -35,7 +34,6 @@ class InputBank:
         versions: Number of versions of every recording; one is drawn for each cut.
 
     Attributes:
-        other_gain: Decibels by which some of the sub-samples are to be louder or quieter, at most.
         as_given: Whether no input had to be repeated.
         pieces: Pairs of a recording's number and the input of a short piece of it, for a network
             whose closed-form fit takes ``pieces``.
@@ -44,7 +42,7 @@ class InputBank:
     """
 
     def __init__(self, inputs: Iterable[Tensor], frames: int, versions: int = 1) -> None:
-        self.versions, self.frames, self.other_gain = versions, frames, 0.0
+        self.versions, self.frames = versions, frames
         lengths: list[int] = []
         self.as_given, self.pieces = True, list[tuple[int, Tensor]]()
         self.disturbed = list[tuple[Tensor, Tensor]]()
@@ -76,7 +74,6 @@ class InputBank:
 
         Random numbers are drawn for all of them, but only the ``share`` of this process is cut. If
         a device holds the inputs, ``start`` (batch,) is returned instead, for :meth:`cut_there`.
-        With :attr:`other_gain` there are ``decibels`` (batch,), 0 for most.
         """
         if self.versions > 1:
             version = rng.integers(0, self.versions, len(indices))
@@ -84,12 +81,7 @@ class InputBank:
         offsets = rng.integers(0, self.lengths[indices] - self.frames + 1)
         start = torch.from_numpy((self.starts[indices] + offsets)[share])
         held = self.held is not None
-        cut = {"start": start} if held else {"input": self._at(self.flat, start)}
-        if self.other_gain:
-            decibels = rng.uniform(-self.other_gain, self.other_gain, len(indices))
-            decibels *= rng.random(len(indices)) < GAINED
-            cut["decibels"] = torch.from_numpy(decibels[share].astype(np.float32))
-        return cut
+        return {"start": start} if held else {"input": self._at(self.flat, start)}
 
     def hold(self, device: torch.device) -> None:
         """Copy the inputs to a device, if it has :func:`room` for them."""

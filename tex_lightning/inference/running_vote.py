@@ -36,6 +36,7 @@ from tex_lightning.senses.features.proportions import OVERLAP, BandProportions, 
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 EXACT_SECONDS, EXACT_SAMPLES = 3, 1000  # whichever is longer
+PAUSE = 20  # times the movement so far: after a rest as long, its gain is taken as it is
 PER_OCTAVE = 4  # of power, in which fragments are told apart that may turn out to be rests
 
 
@@ -231,8 +232,10 @@ class RunningSpectrogramVote(RunningVote):
 
     Attributes:
         samples: (axes, samples) that no frame was computed of yet.
-        frames: (1, 1, bands, frames) that positions still to come depend on.
+        frames: Magnitudes (bands, frames) that positions still to come depend on.
         first: Number of the first of these frames.
+        gain: Factor of magnitudes, once the beginning was heard; None before, and no frames are
+            dropped.
         cut: Number of samples up to the end of the last movement.
     """
 
@@ -246,6 +249,7 @@ class RunningSpectrogramVote(RunningVote):
         self.samples: Tensor | None = None
         self.frames: Tensor | None = None
         self.first = self.length = self.cut = 0
+        self.gain: Tensor | None = None
         self.last: Vote | None = None
 
     def _go_on(self, settled: MarkedSignal, rest: MarkedSignal) -> Vote:
@@ -261,33 +265,39 @@ class RunningSpectrogramVote(RunningVote):
         return self._voted(frames, every)
 
     def _appended(self, frames: Tensor | None, samples: Tensor) -> Tensor:
-        """Return frames (1, 1, bands, frames) with those of further samples (axes, samples)."""
-        blank = self.sense.blank(self.features.bands, 0).to(samples)
-        known = blank if frames is None else frames
+        """Return frames (bands, frames) with those of further samples (axes, samples)."""
+        known = samples.new_zeros(self.features.bands, 0) if frames is None else frames
         if not self.features.frames(samples.shape[1]):
             return known
-        more = self.features.normalise(self.features.spectra(samples))
-        return torch.cat((known, more[None, None]), dim=-1)
+        return torch.cat((known, self.features.spectra(samples)), dim=-1)
 
     def _voted(self, settled: Tensor, every: Tensor) -> Vote:
         """Vote by all frames up to the cut, and add the positions that see only final frames."""
         end, stride, added = self.features.frames(self.cut), self.sense.stride, self.count
         skip = added - self.first // stride
         embedding: Tensor | None = None
+        gain = self.features.gain(every[:, :end]) if self.gain is None else self.gain
+        heard = settled.shape[1] if end < settled.shape[1] / PAUSE else end  # or it has long rested
+        if heard >= self.features.beginning:
+            self.gain = gain
         if not added or reach(self.windows, added) <= end:  # else the tool rests since then
-            embedding = self._embedding(every[..., : end - self.first])[:, skip:]
+            embedding = self._embedded(every[:, : end - self.first], gain)[:, skip:]
             self.last = self._vote(embedding)
         last = self.first + settled.shape[-1]
         count = (last - reach(self.windows, 1)) // stride + 1
-        if count > added:
+        if self.gain is not None and count > added:
             if embedding is None or reach(self.windows, count) > end:
-                embedding = self._embedding(settled)[:, skip:]
+                embedding = self._embedded(settled, gain)[:, skip:]
             self._add(embedding[:, : count - added])
             first = max(0, count - padded_positions(self.windows)) * stride
             settled, self.first = settled[..., first - self.first :].clone(), first
         self.frames = settled
         assert self.last is not None
         return self.last
+
+    def _embedded(self, magnitudes: Tensor, gain: Tensor) -> Tensor:
+        """Return the embedding (D, positions) of magnitudes (bands, frames)."""
+        return self._embedding(self.features.normalise(magnitudes * gain)[None, None])
 
 
 class RunningProportionsVote(RunningVote):

@@ -245,10 +245,10 @@ class FittedLater(nn.Module):
 
     Args:
         names: Names of the buffers.
-        rows: Number of rows of the first, as of the classes.
+        rows: Number of rows of the first, as of the classes; None allows any.
     """
 
-    def __init__(self, names: Sequence[str], rows: int) -> None:
+    def __init__(self, names: Sequence[str], rows: int | None) -> None:
         super().__init__()
         self.names, self.rows = tuple(names), rows
         for name in names:
@@ -268,7 +268,7 @@ class FittedLater(nn.Module):
     def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *rest: Any) -> None:  # noqa: ANN401
         """Take the sizes of what is loaded; checkpoints of before have none."""
         given = [state.setdefault(prefix + name, torch.zeros(0)) for name in self.names]
-        if given[0].numel() and len(given[0]) != self.rows:
+        if given[0].numel() and self.rows not in {None, len(given[0])}:
             first = f"{prefix}{self.names[0]}"
             rest[-1].append(f"{first} has {len(given[0])} rows, not {self.rows}.")
             return

@@ -133,9 +133,6 @@ class SignalSense(Sense):
             features.fit(raw[: len(rows)])
         versions = len(raw) // len(rows)
         bank = InputBank(map(self._normalised, raw), size, versions)
-        standardised = SpectrogramFeatures.normalise  # what louder() undoes
-        if getattr(type(features), "normalise", None) is standardised:
-            bank.other_gain = features.other_gain
         taken = _taken(self.network)
         if "pieces" in taken and getattr(self.network, "cuts", True):
             bank.pieces = [*self._pieces(rows, store, seed)]
@@ -220,9 +217,8 @@ class SignalSense(Sense):
     def training_input(
         self, pieces: Mapping[str, Tensor], size: int, change: Change | None = None
     ) -> Tensor:
-        """Return the sub-samples, some of them as of other gains; see the base class."""
-        x, decibels, features = pieces["input"], pieces.get("decibels"), self.spectrogram
-        return x if decibels is None or features is None else features.louder(x, decibels)
+        """Return the sub-samples, which are inputs already; see the base class."""
+        return pieces["input"]
 
     def decode_input(
         self,

@@ -200,19 +200,47 @@ def test_bands_of_the_training_set_have_mean_0_and_deviation_1():
     torch.testing.assert_close(bands.std(dim=1), torch.ones(len(bands)), rtol=0, atol=1e-3)
 
 
-def test_louder_inputs_are_those_of_louder_signals():
-    features = SpectrogramFeatures(sampling_rate=2000.0)
+def sounds(count, rate=2000):
+    """Noise with a slope of its own each."""
     generator = torch.Generator().manual_seed(0)
-    traces = [torch.randn(1, 4000, generator=generator) for _ in range(4)]
-    features.fit([features.magnitudes(trace) for trace in traces])
-    decibels = torch.tensor([0.0, 20.0, -20.0, 3.0])
-    found = features.louder(torch.cat([features(trace) for trace in traces]), decibels)
-    for row, trace in enumerate(traces):
-        louder = features(trace * 10 ** (float(decibels[row]) / 20))
-        torch.testing.assert_close(found[row : row + 1], louder, rtol=0, atol=1e-4)
+    noises = torch.randn(count, 4 * rate, generator=generator)
+    spectra = torch.fft.rfft(noises)
+    slopes = torch.linspace(-1, 1, count)[:, None]
+    spectra = spectra * torch.linspace(0.01, 1, spectra.shape[1]) ** slopes
+    return list(torch.fft.irfft(spectra)[:, None])
 
 
-@pytest.mark.parametrize(("rate", "gain"), [(499.0, 0.0), (500.0, 20.0), (44_100.0, 20.0)])
-def test_levels_of_slow_signals_tell_the_material(rate, gain):
-    assert SpectrogramFeatures(sampling_rate=rate).other_gain == gain
-    assert SpectrogramFeatures(sampling_rate=rate, normalisation="paper").other_gain == 0
+@pytest.mark.parametrize("gain", [1e-4, 0.1, 0.5, 1.0, 30.0])
+def test_a_training_recording_is_the_same_at_any_gain(gain):
+    features = SpectrogramFeatures(sampling_rate=2000.0)
+    traces = sounds(5)
+    magnitudes = [features.magnitudes(trace) for trace in traces]
+    features.fit(magnitudes)
+    for trace, magnitude in zip(traces, magnitudes, strict=True):
+        expected = features.normalise(magnitude)[None, None]
+        torch.testing.assert_close(features(gain * trace), expected, rtol=0, atol=1e-3)
+    loaded = SpectrogramFeatures(sampling_rate=2000.0)
+    loaded.load_state_dict(features.state_dict())
+    assert torch.equal(loaded(gain * traces[0]), features(gain * traces[0]))
+    assert features(0.0 * traces[0]).isfinite().all()
+
+
+def test_a_recording_of_another_shape_keeps_its_gain():
+    features = SpectrogramFeatures(sampling_rate=2000.0)
+    *trained, other = sounds(5)
+    features.fit([features.magnitudes(trace) for trace in trained[:2]])
+    assert float(features.gain(features.magnitudes(other))) == 1
+    assert float(features.gain(features.magnitudes(20 * trained[0]))) == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize(
+    ("rate", "given", "used"),
+    [(499.0, {}, False), (500.0, {}, True), (499.0, {"any_gain": True}, True),
+     (44_100.0, {"any_gain": False}, False), (44_100.0, {"normalisation": "paper"}, False)],
+)  # fmt: skip
+def test_levels_of_slow_signals_tell_the_material(rate, given, used):
+    features = SpectrogramFeatures(sampling_rate=rate, **given)
+    trace = torch.randn(1, 4 * int(rate), generator=torch.Generator().manual_seed(0))
+    features.fit([features.magnitudes(trace)])
+    assert features.trained.in_use == used
+    assert (float(features.gain(features.magnitudes(9 * trace))) != 1) == used
