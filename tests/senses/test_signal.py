@@ -149,7 +149,7 @@ def test_spectrograms_are_normalised_by_the_training_set(surfaces, tmp_path):
 
     sense.features = Own(sampling_rate=sense.decoder.sampling_rate)
     sense.bank(rows, store, FIT, size=192, seed=0, learn=True)
-    assert not sense.features.trained.in_use  # whether a gain matters to it is not known
+    assert not sense.features.known_gain.in_use  # whether a gain matters to it is not known
 
 
 @pytest.mark.parametrize(("samples", "axes"), [(2000, 1), (20, 1), (2000, 2)])

@@ -10,6 +10,7 @@ are subtracted again.
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -36,7 +37,7 @@ from tex_lightning.senses.features.proportions import OVERLAP, BandProportions, 
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 EXACT_SECONDS, EXACT_SAMPLES = 3, 1000  # whichever is longer
-PAUSE = 20  # times the movement so far: after a rest as long, its gain is taken as it is
+PAUSE = 20  # times the seconds in which a gain is told: after a rest as long it is taken as it is
 PER_OCTAVE = 4  # of power, in which fragments are told apart that may turn out to be rests
 
 
@@ -234,8 +235,9 @@ class RunningSpectrogramVote(RunningVote):
         samples: (axes, samples) that no frame was computed of yet.
         frames: Magnitudes (bands, frames) that positions still to come depend on.
         first: Number of the first of these frames.
-        gain: Factor of magnitudes, once the beginning was heard; None before, and no frames are
-            dropped.
+        gains: Factors of magnitudes by the number of the frame from which on they hold, once these
+            are final.
+        heard: Magnitudes of the frames in which the first of them was told.
         cut: Number of samples up to the end of the last movement.
     """
 
@@ -249,7 +251,8 @@ class RunningSpectrogramVote(RunningVote):
         self.samples: Tensor | None = None
         self.frames: Tensor | None = None
         self.first = self.length = self.cut = 0
-        self.gain: Tensor | None = None
+        self.gains: list[tuple[int, Tensor]] = []
+        self.heard = torch.zeros(0)
         self.last: Vote | None = None
 
     def _go_on(self, settled: MarkedSignal, rest: MarkedSignal) -> Vote:
@@ -276,18 +279,15 @@ class RunningSpectrogramVote(RunningVote):
         end, stride, added = self.features.frames(self.cut), self.sense.stride, self.count
         skip = added - self.first // stride
         embedding: Tensor | None = None
-        gain = self.features.gain(every[:, :end]) if self.gain is None else self.gain
-        heard = settled.shape[1] if end < settled.shape[1] / PAUSE else end  # or it has long rested
-        if heard >= self.features.beginning:
-            self.gain = gain
+        gains, final = self._gains(every[:, : end - self.first], self.first + settled.shape[1])
         if not added or reach(self.windows, added) <= end:  # else the tool rests since then
-            embedding = self._embedded(every[:, : end - self.first], gain)[:, skip:]
+            embedding = self._embedded(every[:, : end - self.first], gains)[:, skip:]
             self.last = self._vote(embedding)
         last = self.first + settled.shape[-1]
         count = (last - reach(self.windows, 1)) // stride + 1
-        if self.gain is not None and count > added:
+        if final and count > added:
             if embedding is None or reach(self.windows, count) > end:
-                embedding = self._embedded(settled, gain)[:, skip:]
+                embedding = self._embedded(settled, gains)[:, skip:]
             self._add(embedding[:, : count - added])
             first = max(0, count - padded_positions(self.windows)) * stride
             settled, self.first = settled[..., first - self.first :].clone(), first
@@ -295,9 +295,35 @@ class RunningSpectrogramVote(RunningVote):
         assert self.last is not None
         return self.last
 
-    def _embedded(self, magnitudes: Tensor, gain: Tensor) -> Tensor:
+    def _gains(self, moved: Tensor, length: int) -> tuple[list[tuple[int, Tensor]], bool]:
+        """Return the factors of frames, by the first that has each, and whether they are final.
+
+        Args:
+            moved: Magnitudes (bands, frames) up to the end of the movement.
+            length: Number of all final frames; after a long rest they are taken as they are.
+        """
+        known, gains, end = self.features.known_gain, self.gains, self.first + moved.shape[1]
+        if len(gains) == 2 or not known.in_use:
+            return gains, True
+        if not gains:
+            self.heard = moved[:, : known.frames].clone()
+            gains = [(0, known.gain(self.heard))]
+        loud = known.after_rest(moved, self.heard)
+        loud[: max(0, known.frames - self.first)] = False
+        if loud.any():
+            turn = loud.int().argmax()
+            gains = [*gains, (self.first + int(turn), known.gain(known.following(moved, turn)))]
+        rested = length > end + PAUSE * known.frames
+        if rested or end >= gains[-1][0] + known.frames:
+            self.gains = gains
+        return gains, len(gains) == len(self.gains)
+
+    def _embedded(self, magnitudes: Tensor, gains: Sequence[tuple[int, Tensor]]) -> Tensor:
         """Return the embedding (D, positions) of magnitudes (bands, frames)."""
-        return self._embedding(self.features.normalise(magnitudes * gain)[None, None])
+        factors = magnitudes.new_ones(magnitudes.shape[1])
+        for begin, gain in gains:
+            factors[max(0, begin - self.first) :] = gain
+        return self._embedding(self.features.normalise(magnitudes * factors)[None, None])
 
 
 class RunningProportionsVote(RunningVote):

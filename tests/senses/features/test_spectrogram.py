@@ -229,8 +229,21 @@ def test_a_recording_of_another_shape_keeps_its_gain():
     features = SpectrogramFeatures(sampling_rate=2000.0)
     *trained, other = sounds(5)
     features.fit([features.magnitudes(trace) for trace in trained[:2]])
-    assert float(features.gain(features.magnitudes(other))) == 1
-    assert float(features.gain(features.magnitudes(20 * trained[0]))) == pytest.approx(0.05)
+    assert torch.equal(features.known_gain(features.magnitudes(other)).unique(), torch.ones(1))
+    gains = features.known_gain(features.magnitudes(20 * trained[0]))
+    torch.testing.assert_close(gains, torch.full_like(gains, 0.05))
+
+
+@pytest.mark.parametrize("seconds", [0.5, 2.0, 7.0])
+def test_a_rest_before_does_not_hide_the_gain(seconds):
+    features = SpectrogramFeatures(sampling_rate=2000.0, skip_impact=False)
+    traces = sounds(5)
+    features.fit([features.magnitudes(trace) for trace in traces])
+    rest = 1e-3 * torch.randn(1, int(seconds * 2000), generator=torch.Generator().manual_seed(1))
+    gains = features.known_gain(features.magnitudes(torch.cat((rest, 8 * traces[1]), dim=1)))
+    moving = int(seconds * 100)
+    assert gains[moving:].numpy() == pytest.approx(1 / 8, rel=0.1)
+    assert gains[: moving - 15].unique().numel() == 1
 
 
 @pytest.mark.parametrize(
@@ -242,5 +255,6 @@ def test_levels_of_slow_signals_tell_the_material(rate, given, used):
     features = SpectrogramFeatures(sampling_rate=rate, **given)
     trace = torch.randn(1, 4 * int(rate), generator=torch.Generator().manual_seed(0))
     features.fit([features.magnitudes(trace)])
-    assert features.trained.in_use == used
-    assert (float(features.gain(features.magnitudes(9 * trace))) != 1) == used
+    assert features.known_gain.in_use == used
+    gains = features.known_gain(features.magnitudes(9 * trace))
+    assert bool((gains != 1).all()) == bool((gains != 1).any()) == used

@@ -10,8 +10,8 @@ from torch import Tensor, nn
 
 from tex_lightning.data.decode import SLOW_RATE
 from tex_lightning.errors import UserError
-from tex_lightning.networks.blocks import FittedLater
 from tex_lightning.senses.features.dft321 import dft321
+from tex_lightning.senses.features.gain import SECONDS, KnownGain
 from tex_lightning.senses.features.movement import moving
 
 MAX_WINDOW = 1 << 16  # samples: 6 s at 10 kHz, a third of a second at 200 kHz
@@ -78,11 +78,6 @@ Axes = Literal["frame", "trace"]
 Normalisation = Literal["standard", "paper"]
 Scale = Literal["mel", "linear"]
 BLOCK = 512  # frames; their spectra take 1 MB, fewer are too few for two threads
-LOUD = 7  # tenths of the frames of the beginning are quieter than a louder one
-BEGINNING = 3.0  # seconds of movement in which the gain is heard
-MAX_SPECTRA = 1000  # training recordings whose spectra are kept
-OTHER_GAIN = 0.3  # share of the squared distance that is left: it is the gain that differs
-FAINT = 1e-6  # of the training set's mean magnitude; a signal below it has no gain
 FLOOR = 1e-3  # of the training set's mean magnitude; below it the logarithm is flat
 
 
@@ -98,31 +93,6 @@ def check_window(length: int, hop: int, sampling_rate: float) -> None:
             f"memory: it may have {MAX_WINDOW}, and {MAX_OVERLAP} times those of the hop; choose "
             "shorter windows or a lower sampling rate."
         )
-
-
-class TrainingSpectra(FittedLater):
-    """Spectra of the training recordings, by which the gain of another one is told.
-
-    Attributes:
-        spectra: Logarithms (recordings, bands).
-    """
-
-    spectra: Tensor
-
-    def __init__(self) -> None:
-        super().__init__(("spectra",), rows=None)
-
-    def gain(self, spectrum: Tensor) -> Tensor:
-        """Return the factor () that brings a spectrum (bands,) to the gain of the most similar.
-
-        It is 1 unless the gain is most of what separates it from all of them.
-        """
-        apart = self.spectra - spectrum
-        gains = apart.mean(dim=1)
-        shapes = (apart - gains[:, None]).square().sum(dim=1)
-        nearest = shapes.argmin(dim=0, keepdim=True)
-        left = shapes[nearest] / apart.square().sum(dim=1).amin().clamp_min(torch.finfo().tiny)
-        return torch.where(left < OTHER_GAIN, gains[nearest].exp(), 1.0).squeeze(0)
 
 
 class SpectrogramFeatures(nn.Module):
@@ -221,7 +191,7 @@ class SpectrogramFeatures(nn.Module):
         self.register_buffer("level", torch.ones(()))
         self.register_buffer("channel_mean", torch.zeros(self.bands, 1))
         self.register_buffer("channel_std", torch.ones(self.bands, 1))
-        self.trained = TrainingSpectra()
+        self.known_gain = KnownGain(math.ceil(SECONDS * sampling_rate / self.hop_length))
 
     def count_frames(self, trace: Tensor) -> int:
         """Count the frames that :meth:`magnitudes` gives for (axes, samples); 0 if too short."""
@@ -322,9 +292,7 @@ class SpectrogramFeatures(nn.Module):
         self.channel_mean.copy_(mean)
         self.channel_std.copy_(torch.where(std > 1e-6, std, torch.ones_like(std)))
         if self.any_gain and type(self).normalise is SpectrogramFeatures.normalise:
-            some = magnitudes[:: math.ceil(len(magnitudes) / MAX_SPECTRA)]
-            spectra = [self._spectrum(each.to(self.level)) for each in some]
-            self.trained.take({"spectra": torch.stack(spectra)})
+            self.known_gain.fit(magnitudes)
 
     def _logs(self, magnitudes: Tensor) -> Tensor:
         """Return logarithms, on the CPU since not every device computes in float64."""
@@ -346,33 +314,7 @@ class SpectrogramFeatures(nn.Module):
         span = magnitudes.amax(dim=1, keepdim=True) - low
         return (magnitudes - low) / torch.where(span > 0, span, torch.ones_like(span))
 
-    @property
-    def beginning(self) -> int:
-        """Number of frames in which the gain of a recording is heard."""
-        seconds = BEGINNING if self.trained.in_use else 0.0
-        return math.ceil(seconds * self.sampling_rate / self.hop_length)
-
-    def gain(self, magnitudes: Tensor) -> Tensor:
-        """Return the factor () by which magnitudes (bands, frames) are multiplied first.
-
-        A recording that differs from one of the training mostly by its gain is brought to that
-        one's: another amplifier or sensitivity is no property of the material.
-        """
-        if not self.trained.in_use:
-            return torch.ones_like(self.level)
-        return self.trained.gain(self._spectrum(magnitudes))
-
-    def _spectrum(self, magnitudes: Tensor) -> Tensor:
-        """Return logarithms (bands,) of what a louder frame has, all moved alike by a gain.
-
-        Rests and knocks in the beginning hardly change it.
-        """
-        heard = magnitudes[:, : math.ceil(BEGINNING * self.sampling_rate / self.hop_length)]
-        louder = heard.sort(dim=1).values[:, LOUD * (heard.shape[1] - 1) // 10]
-        own = louder.mean().clamp_min(FAINT * self.level)
-        return (louder / own).add_(FLOOR).log_() + (own / self.level).log()
-
     def forward(self, trace: Tensor) -> Tensor:
         """Convert a trace (axes, samples) to network input (1, 1, bands, frames)."""
         magnitudes = self.magnitudes(trace)
-        return self.normalise(magnitudes * self.gain(magnitudes))[None, None]
+        return self.normalise(magnitudes * self.known_gain(magnitudes))[None, None]
