@@ -36,10 +36,10 @@ def recordings(counts: dict[int, int], seed: int = 0) -> tuple[list[torch.Tensor
     return [*torch.from_numpy(rows).float()], labels
 
 
-def make_classifier(each: int) -> SurfaceClassifier:
+def make_classifier(each: int, levels: int = LEVELS) -> SurfaceClassifier:
     """Of a network that was fitted to so many recordings of each class."""
     inputs, numbers = recordings(dict.fromkeys(EVERY, each), seed=9)
-    blocks = [("shape", BANDS - LEVELS), ("level", LEVELS)]
+    blocks = [("shape", BANDS - levels), ("level", levels)] if levels else None
     network = LinearNet(CLASSES, bands=BANDS, blocks=blocks)
     labels = torch.from_numpy(numbers)
     network.fit([x[None] for x in inputs], labels)
@@ -196,6 +196,18 @@ def test_what_scores_short_recordings_does_not_score_whole_ones(classifier):
         found = adapt(one, embeddings(one.network, inputs))
         assert right(found.classifier.network, inputs, labels) == len(labels)
     assert other.network.head.scores.short.in_use
+
+
+def test_the_range_of_a_network_is_told_again_and_short_recordings_are_as_before():
+    inputs, labels = recordings(dict.fromkeys(EVERY, 30))
+    inputs = [x.repeat(1, 4) for x in inputs]  # 12 fragments
+    fresh = make_classifier(2, levels=0)
+    for former in (False, True):
+        if former:  # a checkpoint without a range
+            fresh.network.head.scores.range.take(None)
+        found = adapt(fresh, embeddings(fresh.network, inputs))
+        assert right(found.classifier.network, inputs, labels) == len(labels)
+        assert found.classifier.network.head.scores.range.most == 3
 
 
 def test_what_cannot_be_fitted_again_is_said(classifier):
