@@ -13,6 +13,7 @@ import numpy as np
 
 from tex_lightning_runtime.samples import MAX_AXES, Array
 from tex_lightning_runtime.times import (
+    EVEN,
     ONLY_DATE,
     STAMP,
     UNITS,
@@ -60,6 +61,7 @@ NO_UNITS = re.compile(
     r"[-+\d:]*|utc|gmt|unix|epoch|txt|local|n|hh.*|yyyy.*|mm.*|dd.*|iso.*|since.*"
 )
 SEEN = 100  # cells
+FEW, FULL = 10, 0.99  # recordings that a counter may number; share at which it begins anew
 MIN_RISING = 8  # samples; fewer numbers may rise by chance
 OFTEN = 0.1  # of the samples, at which a label or text changes if rows take turns
 USUAL = 0.9  # of the steps of a counter, which may begin anew or miss some
@@ -119,7 +121,7 @@ class Column:
             return True
         units, alone = {*self.units}, words - ({*UNITS} - {*self.words[:1]}) == {"t"}
         last = {unit for unit in self.words[1:][-1:] if unit in UNITS}
-        first = self.first and "/" not in self.name
+        first = (self.first or rising(values)) and "/" not in self.name
         steps = np.diff(values)
         rises = ((steps >= 0).all() and steps.any()) or (steps > 0).sum() > USUAL * len(steps)
         return bool(rises) and (
@@ -169,7 +171,16 @@ class Column:
 
     @property
     def change(self) -> int:
-        """Number of the first sample with another value, if there are few values; else 0."""
+        """Sample at which a label of few values changes, or a counter begins anew; 0 if none."""
+        why, values = self.reason(), np.asarray(self.values)
+        if why == "counter":
+            falls = np.flatnonzero(np.diff(values) < 0)
+            tops = np.maximum(values[falls] + 1.0, 1.0)  # full in bits or digits, or nearly
+            next_to = np.minimum(2 ** np.ceil(np.log2(tops)), 10 ** np.ceil(np.log10(tops)))
+            new = 0 < len(falls) < FEW and (tops < FULL * next_to).any()
+            return int(falls[0]) + 1 if new else 0
+        if why not in ("id", "label", "text"):
+            return 0
         first = self.values.ne(self.values.iloc[0]).to_numpy()
         few = self.values.notna().all() and self.values.nunique() <= max(2, len(first) // 10)
         return int(first.argmax()) if few else 0
@@ -260,6 +271,12 @@ def _plain(unit: str) -> str:
 
 def _is(pattern: re.Pattern[str], cell: object) -> bool:
     return isinstance(cell, str) and pattern.fullmatch(cell.strip()) is not None
+
+
+def rising(samples: Array) -> bool:
+    """Return whether samples (samples,) rise evenly, as times do."""
+    steps = np.diff(samples.astype(np.float64))
+    return len(steps) > MIN_RISING and bool((abs(steps - steps.mean()) < EVEN * steps.mean()).all())
 
 
 def missing(column: Column, place: int) -> TableError:

@@ -5,10 +5,11 @@ import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from tex_lightning_runtime.column import IDS, MIN_RISING, SENSORS, TIMES, Column, missing
+from tex_lightning_runtime.column import IDS, MIN_RISING, SENSORS, TIMES, Column, missing, rising
 from tex_lightning_runtime.samples import Array, Channels
 from tex_lightning_runtime.times import DAY, EVEN, HOUR, UNITS, Even, TableError, even_samples
 
@@ -68,16 +69,19 @@ def separate(
     axes, left = _divided(columns, channels, time, others)
     if channels is not None:
         axes = _chosen(channels, axes, columns)
-    samples = np.stack([_samples(column) for column in axes])
+    blank = np.all([column.values.isna() for column in axes], axis=0)
+    rows = ~blank if times is not None and not blank.all() else np.full(len(blank), True)
+    samples = np.stack([_samples(column, rows) for column in axes])
     found, said = Even(samples, rate or 0.0), "the lines above the table" if rate else ""
     if times is not None and time is not None:
-        found = even_samples(times, samples)
+        found = even_samples(times[rows], samples)
         said = f"times in {_title(time)}{found.said}"
         if rate and not math.isclose(found.rate, rate, rel_tol=NOMINAL):
             told = f"{rate:,.6g} Hz is stated above the table, and its times have {found.rate:,.6g}"
             found = found._replace(notes=(*found.notes, f"{told} Hz, which count"))
     names = tuple(column.name for column in axes) if axes[0].named else ()
-    notes = (*(_warned(axes) if times is None else ()), *_joined(columns), *found.notes)
+    cut = [] if rows.all() else [f"{(~rows).sum()} lines without numbers in its axes are left out"]
+    notes = (*cut, *(_warned(axes) if times is None else ()), *_joined(columns), *found.notes)
     return found.samples, found.rate or None, Reading(names, said, left, notes)
 
 
@@ -111,19 +115,13 @@ def _warned(axes: list[Column]) -> list[str]:
     return []
 
 
-def rising(samples: Array) -> bool:
-    """Return whether samples (samples,) rise evenly, as times do."""
-    steps = np.diff(samples.astype(np.float64))
-    return len(steps) > MIN_RISING and bool((abs(steps - steps.mean()) < EVEN * steps.mean()).all())
-
-
 def _joined(columns: list[Column]) -> list[str]:
-    """Say of columns that number recordings that several of them are read as one."""
+    """Say of columns that number recordings, or samples, that several of them are read as one."""
     return [
         f"{_title(column)} changes at sample {place}: what follows each other is read as one "
         "recording"
         for column in columns
-        if column.named and column.reason() in ("id", "label", "text") and (place := column.change)
+        if column.named and (place := column.change)
     ]
 
 
@@ -197,6 +195,9 @@ def _fractions(columns: list[Column]) -> dict[Column, Array]:
     for parts in groups.values():
         if (times := _summed(parts)) is not None:
             found |= dict.fromkeys(parts.values(), times)
+    for one, other in pairwise(c for c in columns if not c.named and not c.is_text):
+        if one.is_time and (times := _summed({1.0: one, 1e-9: other})) is not None:
+            found |= dict.fromkeys((one, other), times) if (np.diff(times) > 0).all() else {}
     whole = next((c for c in columns if c.is_time and c.is_text and not c.has_fractions), None)
     if whole is not None and whole not in found:
         for part, beside in groups[()].items():
@@ -247,10 +248,10 @@ def _chosen(
     return [_find(each, columns) if isinstance(each, str) else axes[each] for each in channels]
 
 
-def _samples(column: Column) -> Array:
+def _samples(column: Column, rows: Array) -> Array:
     if column.is_text:
         raise column.no_number()
     values = np.asarray(column.values, np.float64)
-    if np.isnan(values).any():
+    if np.isnan(values[rows]).any():
         raise missing(column, int(np.isnan(values).argmax()))
-    return values
+    return values[rows]

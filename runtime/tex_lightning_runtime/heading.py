@@ -14,14 +14,15 @@ COMMENT = re.compile(r"^[ \t]*(?:#|%|//)[#%/ \t]*")
 AMOUNT = r"[\"']?[ \t:=,;]+[\"']?\+?(?P<value>\.?\d[\d.,]*(?:e[-+]?\d+)?)[\"']?[ \t,;(]*"
 SAMPLING = r"(?:samp\w*|update|output(?:[ _-]data)?|acquisition|meas\w*|scan|log\w*)"
 RATE = re.compile(
-    rf"(?:\bfs|\bodr|\b{SAMPLING}[ _-]?(?:rate|freq\w*)"
-    r"|\b(?:abtast|mess)(?:rate|frequenz)|^\W*(?:rate|frequency))"
+    rf"(?:\bfs|\bodr|(?<!max[ .])(?<!imum )\b{SAMPLING}[ _-]?(?:rate|freq\w*)"
+    r"|\b(?:abtast|mess)(?:rate|frequenz)|^\W*(?:rate|frequency)|\bsamples[ _]?(?:per |/)s\w*"
+    r"|fr[eé][cq]u\w*\W+\w+\W+(?:échantillonnage|muestreo|campionamento|amostragem))"
     rf"(?:[ ]*[(\[](?P<before>\w+/?\w*)[)\]])?{AMOUNT}(?P<unit>k?hz|ks/s|k?sps|s/s)?",
     re.IGNORECASE,
 )
 PERIOD = re.compile(
     rf"(?:\bsampl\w*[ _-]?(?:period|time)|\b{SAMPLING}[ _-]?interval|\bdelta[ _]?[xt]|\bdt"
-    r"|^\W*in(?:crement|terval)"
+    r"|\bts(?= *=)|^\W*in(?:crement|terval)"
     r"|\b(?:[hxt]_?|x-axis |time |waveform )(?:inc\w*|delta|interval|step|resolution))"
     rf"(?:[ ]*[(\[](?P<before>[µμ\w]+)[)\]])?{AMOUNT}(?P<unit>[mµμun]?s\b)?",
     re.IGNORECASE,

@@ -139,14 +139,13 @@ def _columns(frame: "pd.DataFrame", layout: Layout) -> list[Column]:
 
 
 def _begins_with_date(frame: "pd.DataFrame") -> bool:
-    """Return whether the first of five whole columns are a day, as MATLAB's clock has them."""
-    first = frame.iloc[:, :6]
-    if len(first.columns) < 6 or any(kind not in "iuf" for kind in (t.kind for t in first.dtypes)):
+    """Return whether the first of more than five columns are year, month and day, or reversed."""
+    day = frame.iloc[:, :3]
+    if len(frame.columns) < 6 or any(each.kind not in "iuf" for each in day.dtypes):
         return False
-    whole, low, high = (first.iloc[:, :5] % 1 == 0).all().all(), first.min(), first.max()
-    day = sorted([*high[:3]]) if (low[:3] == high[:3]).all() else [0.0]
-    clock = (low[3:] >= 0).all() and high.iloc[3] < 24 and (high[4:] < 60).all()
-    return bool(whole and clock and day[0] >= 1 and day[-2] <= 31 and 1970 <= day[-1] < 2100)
+    low, middle, year = sorted(day.iloc[0])
+    fits = low >= 1 and middle <= 31 and 1970 <= year < 2100
+    return bool(fits and (day == day.iloc[0]).all(axis=None))
 
 
 def _numbers(cells: "pd.Series[Any]") -> tuple["pd.Series[Any]", str, str]:
@@ -165,7 +164,7 @@ def _numbers(cells: "pd.Series[Any]") -> tuple["pd.Series[Any]", str, str]:
     codes, values = pd.factorize(cells)  # each cell of text once
     text = pd.Series(values, dtype=str).str.strip()
     found = None if NUMBER.fullmatch(first) or len(text) == 1 else QUANTITY.fullmatch(first)
-    unit = found["unit"] if found else ""  # in every cell
+    unit = found["unit"] if found and text.str.endswith(found["unit"]).all() else ""
     text = text.str.removesuffix(unit).str.strip()
     decimal, thousands = decimal_mark([[cell for cell in text if NUMBER.fullmatch(cell)]])
     plain = text.str.replace(BLANKS, "", regex=True)

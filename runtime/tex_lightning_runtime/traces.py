@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tex_lightning_runtime.archives import ARCHIVES, read_archive
-from tex_lightning_runtime.column import SEEN
-from tex_lightning_runtime.columns import Reading, rising
+from tex_lightning_runtime.column import SEEN, rising
+from tex_lightning_runtime.columns import Reading
 from tex_lightning_runtime.errors import UserError, reason
 from tex_lightning_runtime.files import is_file, require_file
 from tex_lightning_runtime.samples import (

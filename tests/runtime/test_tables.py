@@ -383,6 +383,17 @@ READ = {
         table([f"{BEGIN.timestamp()}", "64.0", *X], [f"{BEGIN.timestamp()}", "64.0", *Y],
               [f"{BEGIN.timestamp()}", "64.0", *Z], mark=", "), 64
     ),
+    "seconds and nanoseconds without names": (
+        table(column((np.array(NUMBERS) + 1900) // 2000 + 1_772_359_200, "{}"),
+              column((np.array(NUMBERS) + 1900) % 2000 * 500_000, "{}"), *XYZ), RATE
+    ),
+    "a unit of time behind the name": (table(*XYZ, times(1e3), names="x,y,z,device_ms\n"), RATE),
+    "rate in French": ("Fréquence d'échantillonnage : 2000 Hz\n" + table(*XYZ), RATE),
+    "rate in Spanish": ("Frecuencia de muestreo: 2000 Hz\n" + table(*XYZ), RATE),
+    "samples per second": ("Samples per second: 2000\n" + table(*XYZ), RATE),
+    "another rate that is the largest": (
+        "Max sampling rate: 5000 Hz\nSampling rate: 2000 Hz\n" + table(*XYZ), RATE
+    ),
     "a first column with a unit of time": (
         table(times(1e3), *XYZ, names="device_ms,x,y,z\n"), RATE
     ),
@@ -583,6 +594,10 @@ REFUSED = {
         table(times(), X, times(2), Y, names="Time (s),x,Time 2 (s),y\n"),
         r"has 0.239 s in 'Time 2 \(s\)' and 0.1195 s in 'Time \(s\)'; write each with its columns",
     ),
+    "units of some cells": (
+        table(times(), [f"{float(x):.3f}" if n % 2 else f"{float(x) * 1e3:.1f}m"
+                        for n, x in enumerate(X)], names="t,x\n"), "no number; correct it"
+    ),
     "times that begin anew": (
         table(times()[:99] + times()[:141], *XYZ, names="t,x,y,z\n"),
         "do not rise at sample 99; divide it there if a recording begins anew",
@@ -647,6 +662,17 @@ def test_text_that_changes_is_left_out_where_others_are_chosen(tmp_path):
             assert rate == pytest.approx(RATE)
 
 
+def test_lines_without_numbers_in_the_axes_are_left_out_where_there_are_times(tmp_path):
+    often = [cell if n % 4 == 0 else "" for n, cell in enumerate(Z)]
+    path = write(tmp_path, table(times(), X, Y, often, names="t,x,y,z\n"))
+    with pytest.raises(TableError, match="no number in the column 'z' at sample 1"):
+        read_table(path)
+    samples, rate, reading = read_table(path, ["z"])
+    np.testing.assert_allclose(samples, AXES[2:, ::4], atol=1e-9)
+    assert rate == pytest.approx(RATE / 4)
+    assert reading.notes == (f"{COUNT * 3 // 4} lines without numbers in its axes are left out",)
+
+
 def test_marks_count_by_column(tmp_path):
     fractions = column(9 + AXES[0] / 4, "{:.3f}")
     text = table(column(np.array(NUMBERS) % 7 + 10, "{}"), fractions, mark=";", comma=True)
@@ -679,6 +705,10 @@ def test_times_that_contradict_the_rate_above_are_told(tmp_path):
 
 
 def test_recordings_that_follow_each_other_are_told(tmp_path):
+    for counter, told in (([*range(80), *range(160)], 1), (np.array(NUMBERS) % 128, 0)):
+        path = write(tmp_path, table(column(counter, "{}"), X, names="sample,x\n"))
+        notes = read_table(path)[2].notes
+        assert ["'sample' changes at sample 80" in note for note in notes] == [True] * told
     for first, second in ("12", "ab"):
         trial = [first] * 100 + [second] * (COUNT - 100)
         notes = read_table(write(tmp_path, table(trial, *XYZ, names="trial,x,y,z\n")))[2].notes
