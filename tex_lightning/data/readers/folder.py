@@ -27,7 +27,9 @@ from tex_lightning_runtime.photos import IMAGE_SUFFIXES
 from tex_lightning_runtime.traces import TRACE_SUFFIXES, axis_files, stands_for_all
 
 SYSTEMS = ("Thumbs.db", "desktop.ini")  # files that are nobody's
-READ_ME = ("readme", "read_me", "readme_first", "license")  # text beside recordings, of any suffix
+READ_ME = {  # text and tables beside recordings, of any suffix
+    "readme", "read_me", "readme_first", "license", "metadata", "index", "labels", "manifest",
+}  # fmt: skip
 SPLITS = {"train", "training", "val", "valid", "validation", "test", "testing", "eval"}
 MAX_KINDS = 6
 TO_SOUND = " Convert what is compressed to .flac or .wav, such as with ffmpeg."
