@@ -16,7 +16,7 @@ from tex_lightning.core.console import console
 
 FOREMOST = "ratio"
 LONG = ("accuracy", "adaptation", "device", "digests", "drifting", "faults", "fusion", "hostile",
-        "mutants", "mutations", "shapes", "shifts", "slurm", "unknown")  # by name  # fmt: skip
+        "mutants", "mutations", "nodes", "shapes", "shifts", "slurm", "unknown")  # fmt: skip
 
 
 def names() -> list[str]:

@@ -1,11 +1,12 @@
-"""What the chapter on clusters promises, on a SLURM cluster of this machine alone, and torchrun.
+"""What the chapter on clusters promises of one node, on a SLURM of this machine, and torchrun.
 
 ``python -m benchmarks slurm`` (as root on Debian: it installs ``slurm-wlm`` and ``munge``)
 
 Prints a line for each check and ends with a traceback if one failed; ``--only=requeue`` takes
 those with that word in their name, ``--jobs=50`` is the size of the large sweep. Interrupted
 trainings have to end with the weights and votes, to the last bit, of those that were not. There is
-no accounting, and the time limit of submitit is played by its signal, as one takes minutes.
+no accounting, and the time limit of submitit is played by its signal, as one takes minutes. What
+takes several nodes, accounting or preemption is in the benchmark ``nodes``.
 """
 
 import csv
@@ -16,7 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -70,10 +71,10 @@ class Bench:
     def submit(
         self, case: str, given: tuple[str, ...], tasks: int, start: tuple[str, ...], *more: str
     ) -> str:
-        """The number of a batch job that runs a case; with more options of sbatch."""
+        """The number of a batch job that runs a case on a node; with more options of sbatch."""
         line = " ".join([*start, sys.executable, *self.arguments(case, given)])
-        options = (f"--ntasks={tasks}", "--requeue", "--open-mode=append", "--job-name=train",
-                   f"--output={self.folder / case}.log")  # fmt: skip
+        options = ("--nodes=1", f"--ntasks={tasks}", "--requeue", "--open-mode=append",
+                   "--job-name=train", f"--output={self.folder / case}.log")  # fmt: skip
         done = subprocess.run(
             ["sbatch", "--parsable", *options, *more, f"--wrap={line}"],
             cwd=self.folder, env=environment(), capture_output=True, text=True, check=True,
@@ -164,7 +165,7 @@ class Bench:
 
     def ddp_of_srun(self) -> str:
         """Two tasks train one network, and rank zero speaks."""
-        case = ["--ntasks=2", sys.executable, *self.arguments("srun", DDP)]
+        case = ["--nodes=1", "--ntasks=2", sys.executable, *self.arguments("srun", DDP)]
         done = self.plain([*SRUN, *case])
         return _expect(done.returncode == 0 and done.stderr.count("Results in") == 1, done.stderr)
 
@@ -177,32 +178,35 @@ class Bench:
 
     def requeue(self) -> str:
         """A job that is requeued in its midst."""
-        return self._interrupted("requeued", FUSION, ("scontrol", "requeue"))
+        return self._interrupted("requeued", FUSION, _requeue)
 
     def requeue_by_signal(self) -> str:
         """A job that gets SIGUSR1, as by --signal=USR1@SECONDS, queues itself again."""
-        return self._interrupted("usr1", FUSION, ("scancel", "--signal=USR1"))
+        return self._interrupted("usr1", FUSION, _signal)
 
     def requeue_of_ddp(self) -> str:
         """Two tasks that are requeued in their midst."""
-        return self._interrupted("requeued_ddp", DDP, ("scontrol", "requeue"))
+        return self._interrupted("requeued_ddp", DDP, _requeue)
 
     def requeue_of_ddp_by_signal(self) -> str:
         """Two tasks that get SIGUSR1 queue their job once."""
-        return self._interrupted("usr1_ddp", DDP, ("scancel", "--signal=USR1"))
+        return self._interrupted("usr1_ddp", DDP, _signal)
 
-    def _interrupted(self, case: str, given: tuple[str, ...], how: tuple[str, ...]) -> str:
+    def _interrupted(
+        self, case: str, given: tuple[str, ...], how: Callable[[str], object], *more: str
+    ) -> str:
         """A batch job that is ended and begins again goes on to the same weights."""
-        tasks = 2 if given == DDP else 1
-        whole = self._whole_ddp() if given == DDP else self.undisturbed("fusion", given)
-        job = self.submit(case, given, tasks, SRUN)
+        tasks = 1 if given == FUSION else 2
+        whole = self.undisturbed("fusion", given) if given == FUSION else self._whole_ddp()
+        job = self.submit(case, given, tasks, SRUN, *more)
         if not self.in_midst(self.folder / "runs" / case):
             return "did not begin"
-        asked(*how, job)
-        if not _again(job):
-            return "was not requeued"
+        how(job)
+        requeued = _again(job)
         until(lambda: not asked("squeue", "-h", "-j", job), PATIENCE)
         said = (self.folder / f"{case}.log").read_text()
+        if not requeued:
+            return f"was not requeued {_expect(False, said)}"
         return self.same(whole, case) or _expect("Going on with the run in" in said, said)
 
     def time_limit(self) -> str:
@@ -279,16 +283,29 @@ def measure(only: str = "", jobs: str = "50") -> dict[str, Any]:
     Raises:
         RuntimeError: If one does not.
     """
-    chosen = [each for each in CHECKS if only in each.__name__]
+    return checked(Bench, CHECKS, only, int(jobs))
+
+
+def checked(
+    kind: type[Any], checks: Sequence[Callable[[Any], str]], only: str, jobs: int = 0,
+    *, accounting: bool = False,
+) -> dict[str, Any]:  # fmt: skip
+    """Run the checks with a word in their name, each a method of a kind of :class:`Bench`.
+
+    Raises:
+        RuntimeError: If one does not hold.
+    """
+    chosen = [each for each in checks if only in each.__name__]
     figures: dict[str, Any] = {}
     wrong: dict[str, str] = {}
     with tempfile.TemporaryDirectory() as name:
-        bench = Bench(Path(name), int(jobs))
+        bench = kind(Path(name), jobs)
         bench.folder.chmod(0o755)  # munge asks for it
         drawn = ("task=generate", "data.classes=3", f"generate.out={bench.folder / 'surfaces'}")
         run(bench.folder, "generate", (*drawn, "debug=tiny", "data.synthetic.recordings=10"))
         alone = {*chosen} <= {*OF_TORCHRUN}
-        with nullcontext() if alone else cluster(bench.folder / "slurm"):
+        slurm = nullcontext() if alone else cluster(bench.folder / "slurm", accounting=accounting)
+        with slurm:
             for check in chosen:
                 begin = time.perf_counter()
                 said = _outcome(check, bench)
@@ -300,6 +317,14 @@ def measure(only: str = "", jobs: str = "50") -> dict[str, Any]:
     if wrong:
         raise RuntimeError(f"{len(wrong)} of {len(chosen)} checks failed: {', '.join(wrong)}")
     return figures
+
+
+def _requeue(job: str) -> None:
+    asked("scontrol", "requeue", job)
+
+
+def _signal(job: str) -> None:
+    asked("scancel", "--signal=USR1", job)
 
 
 def _outcome(check: Callable[[Bench], str], bench: Bench) -> str:

@@ -157,6 +157,30 @@ def test_only_rank_zero_of_a_batch_job_queues_it_again(monkeypatch, queue, name)
     assert (len(said), queue.exists()) == (int(name != "rank"), False)
 
 
+PREEMPTED = "JobId=7 JobState=RUNNING PreemptEligibleTime=2026-11-27T12:00:00 PreemptTime={}"
+
+
+@pytest.mark.parametrize(("when", "requeues"), [("2026-11-27T12:00:10", 1), ("None", 0)])
+def test_a_job_that_is_to_make_way_is_queued_again_before_it_ends(
+    monkeypatch, queue, tmp_path, when, requeues
+):
+    """SLURM requeues no job that ends within the grace time of its partition."""
+    give(monkeypatch, {**BATCH, "SLURM_JOB_NAME": "train"})
+    with (tmp_path / "bin" / "scontrol").open("a") as program:
+        program.write(f'[ "$1" = show ] && echo "{PREEMPTED.format(when)}"\n')
+    ended = []
+    before = signal.signal(signal.SIGTERM, lambda *_: ended.append(1))
+    try:
+        with requeueing():
+            signal.raise_signal(signal.SIGTERM)
+            assert ended == [1]
+        assert queue.read_text().splitlines() == ["show job 7", *["requeue 7"] * requeues]
+        signal.raise_signal(signal.SIGTERM)
+        assert ended == [1, 1]
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 SIGNALLED = """
 import runpy, signal, sys
 

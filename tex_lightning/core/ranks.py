@@ -7,6 +7,7 @@ variables are hidden from Lightning, which would wait for the other processes, o
 """
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -14,6 +15,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import FrameType
 from typing import ClassVar
 
 PARENT = "TEX_LIGHTNING_PARENT"  # number of the process that Lightning starts again for each device
@@ -116,17 +118,23 @@ def requeueing() -> Iterator[None]:
 
     The last finished epoch is on the disk. Lightning, which leaves a signal alone that is handled,
     would write a checkpoint in the midst of an epoch, and start every later network from it.
+
+    So does SIGTERM if the job is to make way for another (:class:`_MakingWay`).
     """
     if not _can_requeue():
         yield
         return
-    before = signal.signal(signal.SIGUSR1, _requeue)
+    before = {
+        signal.SIGUSR1: signal.signal(signal.SIGUSR1, _requeue),
+        signal.SIGTERM: signal.signal(signal.SIGTERM, _MakingWay()),
+    }
     if Process.signalled:
         _requeue()
     try:
         yield
     finally:
-        signal.signal(signal.SIGUSR1, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def remember_signal() -> None:
@@ -152,3 +160,30 @@ def _requeue(*_: object) -> None:
     Process.signalled = False
     if is_rank_zero():
         subprocess.call(["scontrol", "requeue", os.environ["SLURM_JOB_ID"]])
+
+
+class _MakingWay:
+    """Handler of SIGTERM, which queues this job again if SLURM preempts it, and then ends it.
+
+    SLURM itself requeues what it has ended, but not a job that ends within the grace time of its
+    partition, as this one does.
+    """
+
+    def __init__(self) -> None:
+        self.before = signal.getsignal(signal.SIGTERM)
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        if is_rank_zero() and _is_preempted():
+            _requeue()
+        if callable(self.before):
+            self.before(number, frame)
+        elif signal.getsignal(number) is self:  # else Lightning ends after the current step
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
+
+
+def _is_preempted() -> bool:
+    """Return whether SLURM has chosen this job to make way, and has not queued it yet."""
+    asked = ["scontrol", "show", "job", os.environ["SLURM_JOB_ID"]]
+    said = subprocess.run(asked, capture_output=True, text=True, check=False).stdout
+    return "JobState=RUNNING" in said and re.search(r"\bPreemptTime=\d", said) is not None
