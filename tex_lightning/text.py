@@ -54,6 +54,8 @@ def render(template: Path, context: Mapping[str, Any]) -> str:
 def to_json(value: object) -> str:
     """Return JSON in readable letters; those that no terminal should get are escaped."""
     letters = json.dumps(value, ensure_ascii=False)
+    if letters.isprintable():  # as almost always, and of a thousand classes there are many
+        return letters
     return "".join(x if x.isprintable() else json.dumps(x)[1:-1] for x in letters)
 
 

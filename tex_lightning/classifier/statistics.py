@@ -49,6 +49,8 @@ class FeatureStatistics(nn.Module):
             the training; :data:`NO_REACH` if it is not known.
         error: () share of such recordings whose closest class is a wrong one, 0 to 1.
         white: (classes, D), the means about their centre, whitened.
+        centre: (D,), the mean of all classes.
+        lengths: (classes,), those of ``white``.
 
     Example:
         >>> import torch
@@ -71,6 +73,8 @@ class FeatureStatistics(nn.Module):
     reach: Tensor
     error: Tensor
     white: Tensor
+    centre: Tensor
+    lengths: Tensor
 
     def __init__(self, classes: int, features: int, rank: int) -> None:
         super().__init__()
@@ -83,6 +87,9 @@ class FeatureStatistics(nn.Module):
         self.register_buffer("reach", torch.tensor(NO_REACH))
         self.register_buffer("error", torch.zeros(()))
         self.register_buffer("white", torch.zeros(classes, features), persistent=False)
+        # what every recording is compared with, computed once: it reads the means of all classes
+        self.register_buffer("centre", torch.zeros(features), persistent=False)
+        self.register_buffer("lengths", torch.zeros(classes), persistent=False)
 
     @classmethod
     def of(cls, features: Tensor, labels: Tensor, classes: int) -> Self:
@@ -131,7 +138,9 @@ class FeatureStatistics(nn.Module):
         later = {name: getattr(statistics, name) for name in ("scales", "reach", "error")}
         statistics.load_state_dict({**later, **state})
         means = statistics.means
-        statistics.white.copy_(statistics.whiten(means - means.mean(dim=0)))
+        statistics.centre.copy_(means.mean(dim=0))
+        statistics.white.copy_(statistics.whiten(means - statistics.centre))
+        statistics.lengths.copy_(statistics.white.norm(dim=-1))
         return statistics
 
     def with_classes(self, means: Tensor, counts: Tensor) -> Self:
@@ -175,8 +184,8 @@ class FeatureStatistics(nn.Module):
         to it. It detects unknown classes better than the distance does, whose scale varies between
         recordings (docs/calibration.md).
         """
-        point = self.whiten(features - self.means.mean(dim=0))
-        lengths = point.norm(dim=-1, keepdim=True) * self.white.norm(dim=-1)
+        point = self.whiten(features - self.centre)
+        lengths = point.norm(dim=-1, keepdim=True) * self.lengths
         cosines: Tensor = (point @ self.white.T) / lengths.clamp(min=MIN_VARIANCE)
         return 1 - cosines.amax(dim=-1).clamp(max=1)  # rounding may pass it
 
@@ -186,7 +195,7 @@ class FeatureStatistics(nn.Module):
         It is computed by matrix products: differences from all classes would take memory of
         classes times recordings times features.
         """
-        point = self.whiten(features - self.means.mean(dim=0))
+        point = self.whiten(features - self.centre)
         halves = self.white.square().sum(dim=1) / 2
         closest = (halves - point @ self.white.T).argmin(dim=-1)
         return (point - self.white[closest]).norm(dim=-1), closest

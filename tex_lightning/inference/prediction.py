@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 from tex_lightning.classifier.card import LABEL, Card, least_rate
@@ -59,7 +59,10 @@ class Prediction:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON, without those that do not apply to this sample."""
-        values, empty = asdict(self), {"rejected", "modalities", "novelty"}
+        values, empty = {**vars(self)}, {"rejected", "modalities", "novelty"}
+        # copies by hand: those of asdict take as long as the label where there are many classes
+        values["top_k"] = tuple({**best} for best in self.top_k)
+        values["probabilities"] = {**self.probabilities}
         left_out = {name for name in empty if values[name] in (None, ())}
         return {name: value for name, value in values.items() if name not in left_out}
 

@@ -53,7 +53,8 @@ class Table(NamedTuple):
     @property
     def cells(self) -> list[list[str]]:
         """Cells of every row, below the headings."""
-        return [[row.get(name, "") for name in self.headings] for row in self.rows]
+        names = self.headings
+        return [[row.get(name, "") for name in names] for row in self.rows]
 
 
 def facts(results: Mapping[str, Any]) -> dict[str, dict[str, str]]:
