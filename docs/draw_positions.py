@@ -1,7 +1,7 @@
 """Draw ``positions.png``: what a trained FusionNet says of every position, beside the truth.
 
 ``python docs/draw_positions.py RUN`` takes a run of ``python -m tex_lightning model=fusion``. It
-joins two of its test samples, those that the networks know best and least of all that they know:
+joins two of its test samples, the best known and the middle one of all that the networks know:
 the second halves of two traces, and halves of two photos. The surfaces are synthetic.
 """
 
@@ -35,7 +35,7 @@ def two_samples(run: Path) -> list[dict[str, str]]:
     }
     known.sort(key=lambda each: min(by_file[file] for file in each.files.values()))
     usable = [each for each in known if min(by_file[f] for f in each.files.values()) > 0.5]
-    return [{**each.files, "label": each.label} for each in (usable[0], usable[-1])]
+    return [{**each.files, "label": each.label} for each in (usable[len(usable) // 2], usable[-1])]
 
 
 def joined(run: Path) -> dict[str, torch.Tensor]:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import torch
 from torch import Tensor
-from torch.nn.functional import max_pool1d, pad
+from torch.nn.functional import pad
 
 from tex_lightning.core.devices import is_at_hand
 from tex_lightning.networks.blocks import FittedLater
@@ -21,6 +21,7 @@ MAX_SPECTRA = 1000  # training recordings whose spectra are kept
 LEFT = 0.3  # share of the squared distance that a gain may leave, if it is the gain that differs
 QUIET = 0.05  # of the magnitude of loud frames; what is quieter is a rest
 SUSTAINED = 10  # frames; a rest ends where as many are loud, and not in a knock
+STEP = 3  # frames overlap, and every third tells as much
 FLOOR = 1e-3  # of the mean magnitude of a spectrum; below it the logarithm is flat
 FAINT = 1e-12  # magnitude of a signal without any gain
 
@@ -61,8 +62,10 @@ class KnownGain(FittedLater):
 
     def after_rest(self, magnitudes: Tensor, beginning: Tensor) -> Tensor:
         """Return at which frames (frames,) it is so loud that the beginning was a rest."""
-        quietest = -max_pool1d(-pad(magnitudes.mean(dim=0), (0, SUSTAINED - 1))[None], SUSTAINED, 1)
-        return quietest[0] > _louder(beginning).mean() / QUIET
+        loud = magnitudes.mean(dim=0) > _louder(beginning).mean() / QUIET
+        before = pad(loud.cumsum(dim=0), (1, 0))  # loud frames before each, and in all
+        after = torch.arange(loud.shape[0], device=loud.device) + SUSTAINED
+        return before[after.clamp(max=loud.shape[0])] - before[:-1] == SUSTAINED
 
     def following(self, magnitudes: Tensor, first: Tensor) -> Tensor:
         """Return the frames in which a gain is told from a number () on; the last is repeated."""
@@ -95,6 +98,7 @@ def _louder(heard: Tensor) -> Tensor:
 
     Neither rests nor knocks change it much.
     """
+    heard = heard[:, ::STEP]
     frames, last = heard.mean(dim=0), heard.shape[1] - 1
     moving = frames > QUIET * frames.sort().values[19 * last // 20]
     place = last - 3 * (moving.sum() - 1).clamp_min(0) // 10
