@@ -31,6 +31,9 @@ def write_random_fusion(folder: Path) -> None:
         input_ranges=RANGES,
     )
     classifier = SurfaceClassifier(card).eval()
+    features = classifier.senses["haptic"].features
+    traces = [torch.from_numpy(make_trace(kind, 0))[None] for kind in range(3)]
+    features.known_gain.fit([features.magnitudes(trace) for trace in traces])
     add_statistics(classifier)
     save_classifier(classifier, folder / "fusion.ckpt")
 

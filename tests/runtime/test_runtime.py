@@ -6,6 +6,7 @@ import numpy as np
 import onnx
 import pytest
 import soundfile
+import torch
 from conftest import RATE, make_photo, make_trace
 from PIL import Image
 
@@ -42,6 +43,15 @@ def files(tmp_path_factory):
     exif[0x0112] = 6
     Image.fromarray(PHOTO[:471]).convert("RGBA").save(folder / "c.png", exif=exif)
     return folder
+
+
+def test_tells_the_gain_after_a_rest_as_the_package_does(runtime, model):
+    rest = 1e-4 * np.random.default_rng(0).standard_normal(4 * RATE)
+    trace = np.concatenate((rest, 8 * np.tile(TRACE, 2))).astype(np.float32)
+    features = model.classifier.senses["haptic"].features
+    gains = features.known_gain(features.magnitudes(torch.from_numpy(trace)[None]))
+    assert gains.unique().numel() == 2
+    check(runtime, model, haptic=trace, image=PHOTO)
 
 
 @pytest.mark.parametrize("trace", ["a.wav", "b.csv"])

@@ -83,7 +83,7 @@ class KnownGain(FittedLater):
         gains = apart.mean(dim=1)
         shapes = (apart - gains[:, None]).square().sum(dim=1)
         nearest = shapes.argmin(dim=0, keepdim=True)
-        left = shapes[nearest] / apart.square().sum(dim=1).amin().clamp_min(torch.finfo().tiny)
+        left = shapes[nearest] / apart.square().sum(dim=1).amin(dim=0).clamp_min(torch.finfo().tiny)
         return torch.where(left < LEFT, gains[nearest].exp(), 1.0).squeeze(0)
 
     def _spectrum(self, heard: Tensor) -> Tensor:
