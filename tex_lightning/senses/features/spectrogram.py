@@ -11,8 +11,8 @@ from torch import Tensor, nn
 from tex_lightning.data.decode import SLOW_RATE
 from tex_lightning.errors import UserError
 from tex_lightning.senses.features.dft321 import dft321
-from tex_lightning.senses.features.gain import SECONDS, KnownGain
 from tex_lightning.senses.features.movement import moving
+from tex_lightning.senses.gain import SECONDS, KnownGain
 
 MAX_WINDOW = 1 << 16  # samples: 6 s at 10 kHz, a third of a second at 200 kHz
 MAX_OVERLAP = 100  # hops in a window

@@ -49,11 +49,11 @@ class KnownGain(FittedLater):
 
     def forward(self, magnitudes: Tensor) -> Tensor:
         """Return the factor of each frame (frames,) of a whole recording (bands, frames)."""
+        numbers = torch.arange(magnitudes.shape[1], device=magnitudes.device)
+        if not self.in_use:
+            return torch.ones_like(numbers, dtype=magnitudes.dtype)
         beginning = magnitudes[:, : self.frames]
-        gain, numbers = (
-            self.gain(beginning),
-            torch.arange(magnitudes.shape[1], device=magnitudes.device),
-        )
+        gain = self.gain(beginning)
         loud = self.after_rest(magnitudes, beginning) & (numbers >= self.frames)
         if is_at_hand(magnitudes) and not loud.any():
             return gain.expand(len(numbers))
@@ -77,8 +77,6 @@ class KnownGain(FittedLater):
 
         It is 1 unless the gain is most of what separates them from all of the training.
         """
-        if not self.in_use:
-            return torch.ones((), device=heard.device)
         apart = self.spectra - self._spectrum(heard)
         gains = apart.mean(dim=1)
         shapes = (apart - gains[:, None]).square().sum(dim=1)
