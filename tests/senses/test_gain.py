@@ -1,0 +1,66 @@
+"""Gains of a sensor that are told from the spectrum, as HapticNet's features use them."""
+
+import pytest
+import torch
+
+from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
+
+
+def sounds(count, rate=2000):
+    """Noise with a slope of its own each."""
+    generator = torch.Generator().manual_seed(0)
+    noises = torch.randn(count, 4 * rate, generator=generator)
+    spectra = torch.fft.rfft(noises)
+    slopes = torch.linspace(-1, 1, count)[:, None]
+    spectra = spectra * torch.linspace(0.01, 1, spectra.shape[1]) ** slopes
+    return list(torch.fft.irfft(spectra)[:, None])
+
+
+@pytest.mark.parametrize("gain", [1e-4, 0.1, 0.5, 1.0, 30.0])
+def test_a_training_recording_is_the_same_at_any_gain(gain):
+    features = SpectrogramFeatures(sampling_rate=2000.0)
+    traces = sounds(5)
+    magnitudes = [features.magnitudes(trace) for trace in traces]
+    features.fit(magnitudes)
+    for trace, magnitude in zip(traces, magnitudes, strict=True):
+        expected = features.normalise(magnitude)[None, None]
+        torch.testing.assert_close(features(gain * trace), expected, rtol=0, atol=1e-3)
+    loaded = SpectrogramFeatures(sampling_rate=2000.0)
+    loaded.load_state_dict(features.state_dict())
+    assert torch.equal(loaded(gain * traces[0]), features(gain * traces[0]))
+    assert features(0.0 * traces[0]).isfinite().all()
+
+
+def test_a_recording_of_another_shape_keeps_its_gain():
+    features = SpectrogramFeatures(sampling_rate=2000.0)
+    *trained, other = sounds(5)
+    features.fit([features.magnitudes(trace) for trace in trained[:2]])
+    assert torch.equal(features.known_gain(features.magnitudes(other)).unique(), torch.ones(1))
+    gains = features.known_gain(features.magnitudes(20 * trained[0]))
+    torch.testing.assert_close(gains, torch.full_like(gains, 0.05))
+
+
+@pytest.mark.parametrize("seconds", [0.5, 2.0, 7.0])
+def test_a_rest_before_does_not_hide_the_gain(seconds):
+    features = SpectrogramFeatures(sampling_rate=2000.0, skip_impact=False)
+    traces = sounds(5)
+    features.fit([features.magnitudes(trace) for trace in traces])
+    rest = 1e-3 * torch.randn(1, int(seconds * 2000), generator=torch.Generator().manual_seed(1))
+    gains = features.known_gain(features.magnitudes(torch.cat((rest, 8 * traces[1]), dim=1)))
+    moving = int(seconds * 100)
+    assert gains[moving:].numpy() == pytest.approx(1 / 8, rel=0.1)
+    assert gains[: moving - 15].unique().numel() == 1
+
+
+@pytest.mark.parametrize(
+    ("rate", "given", "used"),
+    [(499.0, {}, False), (500.0, {}, True), (499.0, {"any_gain": True}, True),
+     (44_100.0, {"any_gain": False}, False), (44_100.0, {"normalisation": "paper"}, False)],
+)  # fmt: skip
+def test_levels_of_slow_signals_tell_the_material(rate, given, used):
+    features = SpectrogramFeatures(sampling_rate=rate, **given)
+    trace = torch.randn(1, 4 * int(rate), generator=torch.Generator().manual_seed(0))
+    features.fit([features.magnitudes(trace)])
+    assert features.known_gain.in_use == used
+    gains = features.known_gain(features.magnitudes(9 * trace))
+    assert bool((gains != 1).all()) == bool((gains != 1).any()) == used
