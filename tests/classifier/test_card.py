@@ -130,9 +130,11 @@ def test_a_card_of_an_earlier_version_leaves_out_what_were_defaults_then(tmp_pat
     classifier, stored = SurfaceClassifier(card), card.to_dict()
     for name in ("width", "dropout", "scale"):
         del stored["senses"]["haptic"][name]
+    stored["senses"]["haptic"]["other_gain"] = None  # of trainings
     save_classifier(classifier, tmp_path / "m.ckpt", hyper_parameters={"card": stored})
     loaded = SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt")
     assert loaded.senses["haptic"].features.scale == "linear"
+    assert "other_gain" not in loaded.card.senses["haptic"]
     weights = classifier.state_dict()
     assert all(torch.equal(weights[name], x) for name, x in loaded.state_dict().items())
 
