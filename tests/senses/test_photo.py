@@ -57,3 +57,6 @@ def test_a_bank_is_cut_into_turned_crops(sense, tmp_path):
     expected = torch.cat([pixels(crop.permute(1, 2, 0)) for crop in pieces["crop"]])
     found = sense.training_input(pieces, 224)
     torch.testing.assert_close(found, expected, atol=1e-3, rtol=0)
+    darker = sense.training_input(pieces, 224, lambda photos: photos / 2)
+    halved = [pixels((crop / 2).permute(1, 2, 0)) for crop in pieces["crop"].float()]
+    torch.testing.assert_close(darker, torch.cat(halved), atol=0.02, rtol=0)
