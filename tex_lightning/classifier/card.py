@@ -106,11 +106,10 @@ class Card:
         """
         card = cls(**{entry.name: stored[entry.name] for entry in fields(cls)})
         _check(card)
-        kept = {
-            name: {key: value for key, value in sense.items() if key not in GONE}
+        senses = {
+            name: _completed({key: sense[key] for key in sense if key not in GONE}, FORMER)
             for name, sense in card.senses.items()
         }
-        senses = {name: _completed(sense, FORMER) for name, sense in kept.items()}
         return replace(card, senses=senses)
 
     def deciding(self, decision: DecisionConfig) -> Self:

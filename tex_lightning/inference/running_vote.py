@@ -237,7 +237,7 @@ class RunningSpectrogramVote(RunningVote):
         first: Number of the first of these frames.
         gains: Factors of magnitudes by the number of the frame from which on they hold, once these
             are final.
-        heard: Magnitudes of the frames in which the first of them was told.
+        heard: Magnitudes (bands,) that the first of them was told from.
         cut: Number of samples up to the end of the last movement.
     """
 
@@ -306,13 +306,13 @@ class RunningSpectrogramVote(RunningVote):
         if len(gains) == 2 or not known.in_use:
             return gains, True
         if not gains:
-            self.heard = moved[:, : known.frames].clone()
+            self.heard = known.heard(moved)
             gains = [(0, known.gain(self.heard))]
         loud = known.after_rest(moved, self.heard)
         loud[: max(0, known.frames - self.first)] = False
         if loud.any():
             turn = loud.int().argmax()
-            gains = [*gains, (self.first + int(turn), known.gain(known.following(moved, turn)))]
+            gains = [*gains, (self.first + int(turn), known.gain(known.heard_from(moved, turn)))]
         rested = length > end + PAUSE * known.frames
         if rested or end >= gains[-1][0] + known.frames:
             self.gains = gains

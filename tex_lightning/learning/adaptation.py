@@ -22,7 +22,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics, TrainingRows
 from tex_lightning.errors import UserError
 from tex_lightning.learning.finish import statistics_with_reach
-from tex_lightning.networks.line import SHORT, FeatureRange, RangeGate
+from tex_lightning.networks.line import RANGE, SHORT, RangeGate
 from tex_lightning.networks.linear import SHORT_PART, LinearNet
 
 SHARES = (0.25, 0.5)  # of the recordings of a class, the surest, that are taught in each round
@@ -104,7 +104,7 @@ def adapt(
         return Adaptation(classifier, str(error), len(recordings), {}, 0)
     usual = median(count for _, count in recordings)
     _gate(lesson.network).fragments.fill_(usual)
-    _range(lesson.network).most.fill_(int(usual * SHORT_PART))
+    getattr(lesson.network.head.scores, RANGE).most.fill_(int(usual * SHORT_PART))
     _replace(whole, name, student, lesson)
     counts = lesson.labels[lesson.labels >= 0].bincount(minlength=network.classes).tolist()
     by_class = {x: n for x, n in zip(classifier.card.classes, counts, strict=True) if n}
@@ -181,7 +181,7 @@ class _Student:
         self.known = _inputs(network, rows.features)
         self.others = _inputs(network, embeddings)
         _gate(network).fragments.fill_(1)  # whole recordings are looked at, as one fragment each
-        _range(network).most.zero_()
+        getattr(network.head.scores, RANGE).most.zero_()
         network.head.scores.get_submodule(SHORT).take(None)  # type: ignore[operator]
 
     def learn(self) -> _Lesson:
@@ -257,10 +257,6 @@ def _inputs(network: LinearNet, embeddings: Tensor) -> Tensor:
 
 def _gate(network: LinearNet) -> RangeGate:
     return next(module for module in network.modules() if isinstance(module, RangeGate))
-
-
-def _range(network: LinearNet) -> FeatureRange:
-    return next(module for module in network.modules() if isinstance(module, FeatureRange))
 
 
 def _margins(scores: Tensor) -> Tensor:

@@ -243,7 +243,14 @@ class LinearNet(nn.Module):
         other: GainlessLine = self.head.scores.gainless  # type: ignore[assignment]
         other.fit(line, gainless if self.head.scores.is_linear else None, rows, share)
         most = int(usual * SHORT_PART)
-        self._fit_range(inputs, len({*counted}), most)
+        within: FeatureRange = getattr(self.head.scores, RANGE)
+        within.take(None)
+        if self.head.scores.is_linear and not self.levels:  # they tell much by their range
+            means = rows
+            if len(rows) > len(inputs):
+                every = torch.split(rows, [features.shape[-1] for features in inputs])
+                means = torch.stack([fragments.mean(dim=0) for fragments in every])
+            within.fit(means, len({*counted}), most)
         self._fit_short(inputs, given, groups, counted, pieces, disturbed, most)
 
     def _changes(self, disturbed: Sequence[Pair], scale: Tensor) -> Tensor:
@@ -304,21 +311,6 @@ class LinearNet(nn.Module):
             wide = torch.zeros(len(fitted.projection), len(scale)).double()
             wide[:, spans[number]] = fitted.projection
             planes.fit(fitted._replace(projection=wide), sharpness)
-
-    def _fit_range(self, inputs: Sequence[Tensor], count: int, most: int) -> None:
-        """Take the range of the training; not where levels count, which tell much by their range.
-
-        Args:
-            inputs: Features (1, D, L) of each recording.
-            count: Number of recordings that these are versions of.
-            most: Fragments of the longest recording that is short.
-        """
-        within: FeatureRange = getattr(self.head.scores, RANGE)
-        within.take(None)
-        if not self.levels and self.head.scores.is_linear:
-            means = torch.stack([x[0].double().cpu().mean(dim=1) for x in inputs])
-            mean, scale = (x.double().cpu().flatten() for x in (self.mean, self.scale))
-            within.fit((means - mean) * scale, count, most)
 
     def _fit_short(
         self,

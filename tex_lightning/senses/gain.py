@@ -45,59 +45,63 @@ class KnownGain(FittedLater):
     def fit(self, magnitudes: Sequence[Tensor]) -> None:
         """Take the spectra of training recordings (bands, frames)."""
         some = magnitudes[:: -(-len(magnitudes) // MAX_SPECTRA)]
-        self.take({"spectra": torch.stack([self._spectrum(x[:, : self.frames]) for x in some])})
+        self.take({"spectra": torch.stack([_spectrum(self.heard(x)) for x in some])})
 
     def forward(self, magnitudes: Tensor) -> Tensor:
         """Return the factor of each frame (frames,) of a whole recording (bands, frames)."""
         numbers = torch.arange(magnitudes.shape[1], device=magnitudes.device)
         if not self.in_use:
             return torch.ones_like(numbers, dtype=magnitudes.dtype)
-        beginning = magnitudes[:, : self.frames]
-        gain = self.gain(beginning)
-        loud = self.after_rest(magnitudes, beginning) & (numbers >= self.frames)
+        heard = self.heard(magnitudes)
+        gain = self.gain(heard)
+        loud = self.after_rest(magnitudes, heard) & (numbers >= self.frames)
         if is_at_hand(magnitudes) and not loud.any():
             return gain.expand(len(numbers))
         later = loud.cumsum(dim=0) > 0
-        return torch.where(later, self.gain(self.following(magnitudes, (~later).sum())), gain)
+        return torch.where(later, self.gain(self.heard_from(magnitudes, (~later).sum())), gain)
 
-    def after_rest(self, magnitudes: Tensor, beginning: Tensor) -> Tensor:
-        """Return at which frames (frames,) it is so loud that the beginning was a rest."""
-        loud = magnitudes.mean(dim=0) > _louder(beginning).mean() / QUIET
+    def heard(self, magnitudes: Tensor) -> Tensor:
+        """Return of each band (bands,) what a gain is told from: the beginning's louder frames."""
+        return _louder(magnitudes[:, : self.frames])
+
+    def after_rest(self, magnitudes: Tensor, heard: Tensor) -> Tensor:
+        """Return at which frames (frames,) it is so loud that what was heard was a rest."""
+        loud = magnitudes.mean(dim=0) > heard.mean() / QUIET
         before = pad(loud.cumsum(dim=0), (1, 0))  # loud frames before each, and in all
         after = torch.arange(loud.shape[0], device=loud.device) + SUSTAINED
         return before[after.clamp(max=loud.shape[0])] - before[:-1] == SUSTAINED
 
-    def following(self, magnitudes: Tensor, first: Tensor) -> Tensor:
-        """Return the frames in which a gain is told from a number () on; the last is repeated."""
+    def heard_from(self, magnitudes: Tensor, first: Tensor) -> Tensor:
+        """Return the same (bands,) of the frames from a number () on; the last is repeated."""
         places = first + torch.arange(self.frames, device=magnitudes.device)
-        return magnitudes[:, places.clamp(max=magnitudes.shape[1] - 1)]
+        return _louder(magnitudes[:, places.clamp(max=magnitudes.shape[1] - 1)])
 
     def gain(self, heard: Tensor) -> Tensor:
-        """Return the factor () that brings frames (bands, frames) to the gain of the most similar.
+        """Return the factor () that brings what was heard (bands,) to the gain of the most similar.
 
         It is 1 unless the gain is most of what separates them from all of the training.
         """
-        apart = self.spectra - self._spectrum(heard)
+        apart = self.spectra - _spectrum(heard)
         gains = apart.mean(dim=1)
         shapes = (apart - gains[:, None]).square().sum(dim=1)
         nearest = shapes.argmin(dim=0, keepdim=True)
         left = shapes[nearest] / apart.square().sum(dim=1).amin(dim=0).clamp_min(torch.finfo().tiny)
         return torch.where(left < LEFT, gains[nearest].exp(), 1.0).squeeze(0)
 
-    def _spectrum(self, heard: Tensor) -> Tensor:
-        """Return logarithms (bands,) of magnitudes (bands, frames), which a gain moves alike."""
-        louder = _louder(heard)
-        own = louder.mean().clamp_min(FAINT)
-        return (louder / own).add(FLOOR).log() + own.log()
+
+def _spectrum(heard: Tensor) -> Tensor:
+    """Return logarithms (bands,) of magnitudes (bands,), which a gain moves alike."""
+    own = heard.mean().clamp_min(FAINT)
+    return (heard / own).add(FLOOR).log() + own.log()
 
 
-def _louder(heard: Tensor) -> Tensor:
+def _louder(magnitudes: Tensor) -> Tensor:
     """Return of each band (bands,) the magnitude that 30 % of the frames of movement exceed.
 
     Neither rests nor knocks change it much.
     """
-    heard = heard[:, ::STEP]
-    frames, last = heard.mean(dim=0), heard.shape[1] - 1
+    some = magnitudes[:, ::STEP]
+    frames, last = some.mean(dim=0), some.shape[1] - 1
     moving = frames > QUIET * frames.sort().values[19 * last // 20]
     place = last - 3 * (moving.sum() - 1).clamp_min(0) // 10
-    return heard.sort(dim=1).values.index_select(1, place[None])[:, 0]
+    return some.sort(dim=1).values.index_select(1, place[None])[:, 0]
