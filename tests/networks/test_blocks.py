@@ -1,11 +1,13 @@
 """The shared pieces against closed forms and independent computations."""
 
+import re
+
 import numpy as np
 import pytest
 import torch
 from torch import nn
 
-from tex_lightning.networks.blocks import Head, Window, conv_block, response_norm
+from tex_lightning.networks.blocks import FittedLater, Head, Window, conv_block, response_norm
 
 
 @pytest.mark.parametrize(("kernel", "stride"), [(2, 2), (3, 2)])
@@ -39,3 +41,27 @@ def test_head_starts_near_uniform_and_drops_only_in_training():
     assert torch.equal(scores, head(x))
     assert not torch.equal(scores, head.train()(x))
     assert torch.equal(head(x, "fc2"), hidden(x))
+
+
+@pytest.mark.parametrize(
+    ("line", "places", "told"),
+    [
+        (torch.ones(4, 3), torch.ones(3), None),
+        (torch.zeros(0), torch.zeros(0), None),
+        (torch.ones(5, 3), torch.ones(3), "line has the shape [5, 3], not [4, 'd']"),
+        (torch.ones(4, 3), torch.ones(2), "places has the shape [2], not ['d']"),
+        (torch.ones(4, 3), torch.ones(()), "places has the shape [], not ['d']"),
+        (torch.ones(()), torch.ones(3), "line has the shape [], not [4, 'd']"),
+        (torch.zeros(0), torch.ones(3), "places has the shape [3], not [0]"),
+        (torch.ones(4, 3), torch.zeros(0), "places has the shape [0], not ['d']"),
+    ],
+)
+def test_what_is_fitted_later_takes_its_sizes_from_a_state_but_no_others(line, places, told):
+    part = FittedLater(line=(4, "d"), places=("d",))
+    if told is None:
+        part.load_state_dict({"line": line, "places": places})
+        assert part.in_use == bool(line.numel())
+        torch.testing.assert_close(part.get_buffer("places"), places)
+    else:
+        with pytest.raises(RuntimeError, match=re.escape(told)):
+            part.load_state_dict({"line": line, "places": places})

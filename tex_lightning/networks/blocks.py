@@ -244,14 +244,14 @@ class FittedLater(nn.Module):
     Until then they take no room in a checkpoint.
 
     Args:
-        names: Names of the buffers.
-        rows: Number of rows of the first, as of the classes; None allows any.
+        **shapes: Shape of each buffer; a size with a name is known once they are fitted, and is
+            the same wherever it has this name.
     """
 
-    def __init__(self, names: Sequence[str], rows: int | None) -> None:
+    def __init__(self, **shapes: tuple[int | str, ...]) -> None:
         super().__init__()
-        self.names, self.rows = tuple(names), rows
-        for name in names:
+        self.names, self.shapes = tuple(shapes), shapes
+        for name in shapes:
             self.register_buffer(name, torch.zeros(0))
 
     @property
@@ -268,11 +268,21 @@ class FittedLater(nn.Module):
     def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *rest: Any) -> None:  # noqa: ANN401
         """Take the sizes of what is loaded; checkpoints of before have none."""
         given = [state.setdefault(prefix + name, torch.zeros(0)) for name in self.names]
-        if given[0].numel() and self.rows not in {None, len(given[0])}:
-            first = f"{prefix}{self.names[0]}"
-            rest[-1].append(f"{first} has {len(given[0])} rows, not {self.rows}.")
-            return
+        sizes: dict[str, int] = {}
+        for name, value in zip(self.names, given, strict=True):
+            shape = self.shapes[name] if given[0].numel() else (0,)
+            if not _has_shape(value, shape, sizes):
+                rest[-1].append(f"{prefix}{name} has the shape {[*value.shape]}, not {[*shape]}.")
+                return
         like = self.get_buffer(self.names[0])
         for name, value in zip(self.names, given, strict=True):
             setattr(self, name, torch.zeros_like(value, device=like.device))
         super()._load_from_state_dict(state, prefix, *rest)
+
+
+def _has_shape(value: Tensor, shape: Sequence[int | str], sizes: dict[str, int]) -> bool:
+    """Whether a tensor has a shape; what its named sizes are is noted, or known from before."""
+    return value.ndim == len(shape) and all(
+        found == (sizes.setdefault(size, found) if isinstance(size, str) else size)
+        for found, size in zip(value.shape, shape, strict=True)
+    )

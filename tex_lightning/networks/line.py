@@ -113,7 +113,7 @@ class FeatureRange(FittedLater):
     most: Tensor
 
     def __init__(self, bands: int) -> None:
-        super().__init__(("lowest", "highest", "share", "most"), bands)
+        super().__init__(lowest=(bands,), highest=(bands,), share=(), most=())
 
     def fit(self, means: Tensor, count: int, most: int) -> None:
         """Take the range of the training.
@@ -163,14 +163,15 @@ class ShortLine(FittedLater):
 
     Args:
         classes: Number of classes.
+        bands: Number of features.
     """
 
     weight: Tensor
     bias: Tensor
     most: Tensor
 
-    def __init__(self, classes: int) -> None:
-        super().__init__(("weight", "bias", "most"), classes)
+    def __init__(self, classes: int, bands: int) -> None:
+        super().__init__(weight=(classes, bands, 1, 1), bias=(classes,), most=())
         self.limit = 0.0  # the same as ``most``, without a wait for a device
         loaded: Any = self.register_load_state_dict_post_hook  # it has no annotations
         loaded(ShortLine._note_limit)
@@ -206,6 +207,7 @@ class GainlessLine(FittedLater):
 
     Args:
         classes: Number of classes.
+        bands: Number of features.
 
     Attributes:
         direction: (D,) whose product with the mean features is the strength of a recording.
@@ -217,8 +219,10 @@ class GainlessLine(FittedLater):
     direction: Tensor
     limits: Tensor
 
-    def __init__(self, classes: int) -> None:
-        super().__init__(("weight", "bias", "direction", "limits"), classes)
+    def __init__(self, classes: int, bands: int) -> None:
+        super().__init__(
+            weight=(classes, bands, 1, 1), bias=(classes,), direction=(bands,), limits=(2,)
+        )
 
     def fit(self, usual: Line, other: Line | None, rows: Tensor, share: Tensor) -> None:
         """Use a line without what depends on the gain, if it tells the classes apart, too.
@@ -277,8 +281,9 @@ class LineOrPlanes(nn.Sequential):
 
     def __init__(self, gate: nn.Module, layer: nn.Conv2d) -> None:
         count, bands = layer.out_channels, layer.in_channels
-        parts = [("0", gate), (RANGE, FeatureRange(bands)), ("planes", ClassPlanes(count))]
-        lines = [(SHORT, ShortLine(count)), (GAINLESS, GainlessLine(count)), ("1", layer)]
+        sizes = count, bands
+        parts = [("0", gate), (RANGE, FeatureRange(bands)), ("planes", ClassPlanes(*sizes))]
+        lines = [(SHORT, ShortLine(*sizes)), (GAINLESS, GainlessLine(*sizes)), ("1", layer)]
         super().__init__(OrderedDict([*parts, *lines]))
 
     def forward(self, x: Tensor, whole: tuple[Tensor, int] | None = None) -> Tensor:

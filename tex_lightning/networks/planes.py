@@ -61,10 +61,15 @@ class ClassPlanes(FittedLater):
 
     Args:
         classes: Number of classes.
+        bands: Number of features.
     """
 
-    def __init__(self, classes: int) -> None:
-        super().__init__(("means", *(name for name in Fitted._fields if name != "means")), classes)
+    def __init__(self, classes: int, bands: int) -> None:
+        super().__init__(
+            projection=("d", bands), centre=("d", 1), means=(classes, "d"),
+            directions=(classes, "far", "d"), narrow=(classes, "far"),
+            precision=(classes,), offset=(classes,),
+        )  # fmt: skip
 
     def forward(self, x: Tensor) -> Tensor:
         """Map features (B, D, M, N) to class scores before softmax (B, classes, M, N)."""

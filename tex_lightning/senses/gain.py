@@ -31,6 +31,7 @@ class KnownGain(FittedLater):
 
     Args:
         frames: Number of frames in which a gain is told.
+        bands: Number of bands of the magnitudes.
 
     Attributes:
         spectra: Logarithms (recordings, bands) of training recordings; empty leaves every gain.
@@ -38,8 +39,8 @@ class KnownGain(FittedLater):
 
     spectra: Tensor
 
-    def __init__(self, frames: int) -> None:
-        super().__init__(("spectra",), rows=None)
+    def __init__(self, frames: int, bands: int) -> None:
+        super().__init__(spectra=("recordings", bands))
         self.frames = frames
 
     def fit(self, magnitudes: Sequence[Tensor]) -> None:

@@ -191,7 +191,8 @@ class SpectrogramFeatures(nn.Module):
         self.register_buffer("level", torch.ones(()))
         self.register_buffer("channel_mean", torch.zeros(self.bands, 1))
         self.register_buffer("channel_std", torch.ones(self.bands, 1))
-        self.known_gain = KnownGain(math.ceil(SECONDS * sampling_rate / self.hop_length))
+        frames = math.ceil(SECONDS * sampling_rate / self.hop_length)
+        self.known_gain = KnownGain(frames, self.bands)
 
     def count_frames(self, trace: Tensor) -> int:
         """Count the frames that :meth:`magnitudes` gives for (axes, samples); 0 if too short."""
