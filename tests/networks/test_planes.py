@@ -100,7 +100,7 @@ def test_a_state_is_loaded_with_planes_and_without_and_refused_for_other_classes
     more = state | {
         "head.scores.1.weight": torch.zeros(7, SIZE, 1, 1), "head.scores.1.bias": torch.zeros(7),
     }  # fmt: skip
-    with pytest.raises(RuntimeError, match=r"planes.means has the shape \[6, \d+\], not \[7, 'd'\]"):
+    with pytest.raises(RuntimeError, match=r"planes.means has the shape \[6, \d+\]"):
         LinearNet(7, bands=SIZE, blocks=[("mean", SIZE)]).load_state_dict(more)
 
 
