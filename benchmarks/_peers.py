@@ -71,6 +71,8 @@ class Peer:
     def pieces(self, signal: Signal) -> list[Signal]:
         """Return the equal pieces of a recording, or the whole."""
         trace, rate = signal
+        if self.told.get("float64"):
+            trace = trace.astype(np.float64)
         seconds = self.told.get("pieces", np.inf)
         count = max(1, round(trace.shape[1] / rate / seconds))
         parts = np.array_split(trace, count, axis=1)

@@ -25,7 +25,7 @@ from tex_lightning.senses.features.movement import (
     block_length,
     resting,
 )
-from tex_lightning.senses.features.proportions import BandProportions, hop_length
+from tex_lightning.senses.features.proportions import BandProportions
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 
@@ -219,11 +219,9 @@ class ProportionsGraph(nn.Module):
         super().__init__()
         self.features = features
         self.powers = nn.ModuleList()
-        for index in features.used:
-            window = features.get_buffer(f"window{index}")
-            filters = features.get_buffer(f"filters{index}").T / window.sum().square()
-            hop = hop_length(features.lengths[index])
-            self.powers.append(BandPower(window, hop, filters, centred=True))
+        for part in features.used:
+            filters = part.filters.T / part.window.sum().square()
+            self.powers.append(BandPower(part.window, part.hop, filters, centred=True))
 
     def forward(self, trace: Tensor) -> Tensor:
         """Map a trace (axes, samples) to proportions (1, 1, bands, fragments)."""
@@ -234,15 +232,16 @@ class ProportionsGraph(nn.Module):
             trace = without_rests(trace, features.sampling_rate, features.min_samples)
         samples, trace = trace.shape[-1], features.filled(trace)
         centred = trace - trace.mean(dim=-1, keepdim=True)
-        responses = {}
-        for index, power in zip(features.used, self.powers, strict=True):
+        responses = []
+        for part, power in zip(features.used, self.powers, strict=True):
             axes = centred[:, None] if features.apart else centred[None]
-            bands = torch.stack([power(part).T for part in axes])
-            responses[index] = features.compare(bands, index)
-        fragments = self._fragments(samples, responses[features.longest].shape[0])
+            bands = torch.stack([power(x).T for x in axes])
+            responses.append(part.compare(bands, features.level))
+        fewest = responses[features.used.index(features.longest)].shape[0]
+        fragments = self._fragments(samples, fewest)
         summaries = [
-            features.summary([every], index, every.shape[0], fragments)
-            for index, every in responses.items()
+            part.summary([every], every.shape[0], fragments)
+            for part, every in zip(features.used, responses, strict=True)
         ]
         return features.join(summaries, trace, fragments)
 

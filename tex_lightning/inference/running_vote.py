@@ -33,8 +33,9 @@ from tex_lightning.senses.features.movement import (
     movement_start,
     run_length,
 )
-from tex_lightning.senses.features.proportions import OVERLAP, BandProportions, hop_length
+from tex_lightning.senses.features.proportions import BandProportions
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
+from tex_lightning.senses.octave_bands import OVERLAP, OctaveBands
 
 EXACT_SECONDS, EXACT_SAMPLES = 3, 1000  # whichever is longer
 PAUSE = 20  # times the seconds in which a gain is told: after a rest as long it is taken as it is
@@ -340,7 +341,7 @@ class RunningProportionsVote(RunningVote):
     def __init__(self, classifier: SurfaceClassifier) -> None:
         super().__init__(classifier)
         features = self.features
-        self.hops = [hop_length(features.lengths[index]) for index in features.used]
+        self.hops = [window.hop for window in features.used]
         self.size = max(features.fragment_seconds * features.sampling_rate, *self.hops)
         self.kept: Tensor | None = None
         self.first, self.sum = 0, torch.zeros(())
@@ -362,7 +363,7 @@ class RunningProportionsVote(RunningVote):
         """Add all fragments but the last ones, and drop samples that no later one depends on."""
         length = self.first + kept.shape[1]
         mean = (self.sum / length).to(kept) if length else self.sum
-        longest = self.features.lengths[self.features.longest]
+        longest = self.features.longest.length
         least = max(self.size, longest) + max(self.hops)  # has a frame of every window
         while (self.count + 1) * self.size + least <= length:
             self._add(self._part(kept, mean, whole=False), self._power(kept))
@@ -389,18 +390,19 @@ class RunningProportionsVote(RunningVote):
             mean: (axes, 1) of the movement so far.
             whole: Whether everything left is meant.
         """
-        parts: list[tuple[int, Tensor, int]] = []
-        for hop, index in zip(self.hops, self.features.used, strict=True):
-            first, last = self._frame(hop), self._frame(hop, 1)
+        parts: list[tuple[OctaveBands, Tensor, int]] = []
+        for window in self.features.used:
+            first, last = self._frame(window.hop), self._frame(window.hop, 1)
             before = max(0, first - OVERLAP)
-            end = None if whole else (last - 1) * hop + self.features.lengths[index] - self.first
-            parts.append((index, movement[:, before * hop - self.first : end], first - before))
-        frames = [self.features.count_frames(x.shape[1], index) - skip for index, x, skip in parts]
+            end = None if whole else (last - 1) * window.hop + window.length - self.first
+            x = movement[:, before * window.hop - self.first : end]
+            parts.append((window, x, first - before))
+        frames = [window.count_frames(x.shape[1]) - skip for window, x, skip in parts]
         remaining = self._left(self.first + movement.shape[1]) if whole else 1
         fragments = min(*frames, remaining)
         summaries = [
-            self.features.summary(self.features.in_blocks(x, index, skip), index, count, fragments)
-            for (index, x, skip), count in zip(parts, frames, strict=True)
+            window.summary(window.in_blocks(x, self.features.level, skip), count, fragments)
+            for (window, x, skip), count in zip(parts, frames, strict=True)
         ]
         first, last = (self._frame(1, more) - self.first for more in (0, 1))
         samples = movement[:, first : None if whole else last]
@@ -410,7 +412,7 @@ class RunningProportionsVote(RunningVote):
 
     def _left(self, samples: int) -> int:
         """Return how many more fragments a movement of so many samples is to have."""
-        most = self.features.count_frames(samples, self.features.longest)
+        most = self.features.longest.count_frames(samples)
         return max(1, min(most, self.features.count_fragments(samples)) - self.count)
 
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import torch
 from omegaconf import OmegaConf
-from scipy.signal import ShortTimeFFT, resample_poly
-from scipy.signal.windows import hann
+from scipy.signal import resample_poly
 
 from tex_lightning.config import CONF
 from tex_lightning.errors import UserError
+from tex_lightning.senses import octave_bands
 from tex_lightning.senses.features import proportions
-from tex_lightning.senses.features.proportions import FLOOR, BandProportions, octave_filters
+from tex_lightning.senses.features.proportions import BandProportions
 
 WINDOWS = (0.032, 0.256)
 
@@ -37,39 +37,6 @@ def noise(seconds: float, rate: float = 2000.0, seed: int = 0, axes: int = 1) ->
 def of_kind(features: BandProportions, *kinds: str) -> torch.Tensor:
     """Which features (D,) belong to blocks of the kinds."""
     return torch.tensor([kind in kinds for kind, size in features.blocks for _ in range(size)])
-
-
-@pytest.mark.parametrize("rate", [1000.0, 2200.0, 10_000.0, 44_100.0])
-@pytest.mark.parametrize("seconds", WINDOWS)
-def test_bands_are_means_over_channels_from_one_period_to_half_the_rate(rate, seconds):
-    samples = round(seconds * rate)
-    filters = octave_filters(rate, samples, 4).double()
-    np.testing.assert_allclose(filters.sum(dim=1), 1, rtol=1e-6)
-    assert (filters >= 0).all()
-    assert filters[:, 0].max() == 0
-    centres = filters @ (torch.arange(samples // 2 + 1, dtype=torch.float64) * rate / samples)
-    assert (centres.diff() > 0).all()
-    assert centres[0] < 2 * rate / samples
-    assert rate / 2 / 2**0.5 < centres[-1] <= rate / 2
-
-
-def test_responses_compare_the_logarithms_of_scipys_spectrum():
-    features = make(windows=(0.064,), bands_per_octave=(4,))
-    trace = noise(1.0)
-    length, hop = 128, 32
-    transform = ShortTimeFFT(hann(length), hop, fs=2000.0)
-    signal = trace[0].double().numpy()
-    frames = np.lib.stride_tricks.sliding_window_view(signal, length)[::hop]
-    spectra = np.stack([np.fft.rfft((frame - frame.mean()) * transform.win) for frame in frames])
-    power = np.abs(spectra) ** 2 @ octave_filters(2000.0, length, 4).double().numpy().T
-    power /= transform.win.sum() ** 2
-    bands = np.log(power + FLOOR * power.mean(axis=1, keepdims=True))
-    earlier = bands[np.maximum(np.arange(len(bands)) - 4, 0)]  # one window
-    mean = bands.mean(axis=1, keepdims=True)
-    expected = [bands - mean, bands[:, 1:] - bands[:, :-1], bands - earlier]
-    np.testing.assert_allclose(
-        features.responses(trace, 0), np.concatenate(expected, axis=1), atol=2e-3
-    )
 
 
 def test_half_of_the_frames_stand_above_the_middle_of_an_even_number_of_thresholds():
@@ -104,8 +71,8 @@ def test_blocks_name_all_features_in_their_order():
 def test_means_and_deviations_are_those_of_the_frames():
     features, trace = make(levels=2, fragment_seconds=9), noise(3, axes=2)
     features.learn([trace])
-    output, responses = features(trace)[0, 0, :, 0], features.responses(trace, 0).numpy()
-    bands = len(features.filters0.T)
+    output, window = features(trace)[0, 0, :, 0], features.windows[0]
+    responses, bands = window.responses(trace, features.level).numpy(), window.sizes[0]
     means, deviations = of_kind(features, "mean"), of_kind(features, "deviation")
     expected = responses[:, : 2 * bands - 1]
     np.testing.assert_allclose(output[means][: 2 * bands - 1], expected.mean(axis=0), atol=1e-5)
@@ -118,11 +85,12 @@ def test_an_axis_by_itself_is_compared_as_the_only_one_of_a_signal():
     trace = noise(3, axes=2)
     both.learn([trace])
     single.level.copy_(both.level)
-    bands = len(single.filters0.T)
-    apart = both.responses(trace, 0)[:, 4 * bands - 1 :]  # four comparisons where levels count
+    bands = single.windows[0].sizes[0]
+    every = both.windows[0].responses(trace, both.level)
+    apart = every[:, 4 * bands - 1 :]  # four comparisons where levels count
     relative = apart[:, : 2 * bands].reshape(-1, 2, bands)
     for axis in range(2):
-        expected = single.responses(trace[axis : axis + 1], 0)[:, :bands]
+        expected = single.windows[0].responses(trace[axis : axis + 1], single.level)[:, :bands]
         torch.testing.assert_close(relative[:, axis], expected)
     assert apart.shape[1] == 2 * (4 * bands - 1)
 
@@ -155,18 +123,19 @@ def test_levels_are_logarithms_where_all_training_samples_are_positive(sign):
 
 def test_windows_follow_from_rate_and_length():
     slow = make(rate=36.0, windows=(0.032, 0.256, 0.93), bands_per_octave=(6, 6, 12))
-    assert slow.lengths == [9, 33]  # 0.032 s would be one sample
+    assert [window.length for window in slow.windows] == [9, 33]  # 0.032 s would be one sample
     slow.learn([noise(4, 36.0)])
-    assert slow.used == [0, 1]
+    assert slow.used == [*slow.windows]
     slow.learn([noise(1.5, 36.0)] * 2 + [noise(4, 36.0)])  # the usual one is shorter
-    assert slow.used == [0]
+    assert slow.used == [slow.windows[0]]
     slow.learn([noise(1.5, 36.0)] + [noise(4, 36.0)] * 2)
-    assert slow.used == [0, 1]
+    assert slow.used == [*slow.windows]
     assert slow(noise(0.5, 36.0)).shape[2] == slow.bands
     level = make(rate=36.0, windows=(0.256, 0.93), bands_per_octave=(6, 12), levels=1)
     level.learn([noise(3.5, 36.0)])  # twice 0.93 s fit, and of a slow signal it takes four times
-    assert level.used == [0]
-    assert make(rate=10_000.0, windows=(0.256, 0.93)).lengths == [4 * 640, 16 * 588]
+    assert level.used == [level.windows[0]]
+    fast = make(rate=10_000.0, windows=(0.256, 0.93))
+    assert [window.length for window in fast.windows] == [4 * 640, 16 * 588]
 
 
 @pytest.mark.parametrize(
@@ -177,19 +146,19 @@ def test_the_windows_of_the_presets_are_those_that_any_rate_has_memory_for(rate,
     settings = {**sense.features, "skip_impact": sense.skip_impact}
     del settings["_target_"]
     features = BandProportions(sampling_rate=rate, **settings)
-    assert len(features.lengths) == count
-    assert max(features.lengths) <= 65_536
+    assert len(features.windows) == count
+    assert max(window.length for window in features.windows) <= 65_536
     recording = noise(5.6, rate)
     features.learn([recording])
-    assert features.used == list(range(count))
+    assert features.used == [*features.windows]
     assert features(recording).shape[2] == features.bands
 
 
 def test_a_short_recording_is_mirrored_until_the_longest_window_fits():
     features, trace = make(), noise(0.2, seed=1)
     features.learn([noise(4)])
-    assert features.longest == 1  # of 0.256 s
-    mirrored = torch.cat((trace, trace.flip(-1), trace), dim=1)[:, : features.lengths[1]]
+    assert features.longest is features.windows[1]  # of 0.256 s
+    mirrored = torch.cat((trace, trace.flip(-1), trace), dim=1)[:, : features.longest.length]
     torch.testing.assert_close(features(trace), features(mirrored))
 
 
@@ -200,7 +169,8 @@ def test_bins_are_the_bands_that_a_tone_changes():
     changed = (features(noise(4) + tone) - features(noise(4))).abs().mean(dim=3)[0, 0]
     bins = torch.tensor(features.bins)
     by_bin = torch.stack([changed[bins == number].mean() for number in range(int(bins.max()) + 1)])
-    loudest = features.filters0.T @ (torch.arange(65) == 16).float()  # 16 channels of 15.6 Hz
+    channel = (torch.arange(65) == 16).float()  # of 15.6 Hz
+    loudest = features.windows[0].filters.T @ channel
     assert int(by_bin.argmax()) == int(loudest.argmax())
     assert make(levels=1).bins == [-1] * make(levels=1).bands
 
@@ -219,23 +189,15 @@ def test_the_size_of_blocks_changes_nothing(levels, fragment_seconds, monkeypatc
     traces = [noise(4, 300.0, seed, axes=2) for seed in range(3)]
     found = []
     for most in (7, 10_000):
-        monkeypatch.setattr(proportions, "MIN_BLOCK", most)
-        monkeypatch.setattr(proportions, "MAX_BLOCK", most)
+        monkeypatch.setattr(octave_bands, "MIN_BLOCK", most)
+        for module in (octave_bands, proportions):
+            monkeypatch.setattr(module, "MAX_BLOCK", most)
         features = make(300.0, levels=levels, fragment_seconds=fragment_seconds)
         features.learn(traces)
-        found.append((features.thresholds1, features(noise(5, 300.0, 5, axes=2).cumsum(dim=1))))
+        found.append(
+            (features.windows[1].thresholds, features(noise(5, 300.0, 5, axes=2).cumsum(dim=1)))
+        )
     torch.testing.assert_close(*found, atol=1e-4, rtol=1e-4)
-
-
-def test_fragments_have_the_mean_and_variance_of_their_rows():
-    rows = torch.randn(61, 3, generator=torch.Generator().manual_seed(0))
-    moments = proportions.Moments(61, 7)
-    for block in rows.split(5):
-        moments.add(block, squares=True)
-    place = [index * 7 // 61 for index in range(61)]
-    parts = [rows[[p == number for p in place]].numpy() for number in range(7)]
-    np.testing.assert_allclose(moments.mean, [part.mean(axis=0) for part in parts], atol=1e-6)
-    np.testing.assert_allclose(moments.variance, [part.var(axis=0) for part in parts], atol=1e-6)
 
 
 def test_few_recordings_are_held_and_no_more_than_enough_are_read(monkeypatch):
@@ -265,7 +227,9 @@ def test_few_recordings_are_held_and_no_more_than_enough_are_read(monkeypatch):
     assert seen == {*range(6)}
     monkeypatch.setattr(proportions, "MAX_HELD", 6 * 4000)
     listed.learn([noise(2, seed=seed) for seed in range(6)])
-    torch.testing.assert_close(read.thresholds0, listed.thresholds0, rtol=0, atol=0)
+    torch.testing.assert_close(
+        read.windows[0].thresholds, listed.windows[0].thresholds, rtol=0, atol=0
+    )
     monkeypatch.setattr(proportions, "MAX_RECORDINGS", 3)
     seen.clear()
     read.learn(Recordings(range(6)))
@@ -303,14 +267,18 @@ def test_bands_that_are_empty_at_a_lower_rate_change_no_others():
     lower = torch.from_numpy(resample_poly(halved, 2, 1, axis=1)).float()
     state = features.state_dict()
     older = make()  # of a checkpoint of before: no band is taken for empty
-    older.load_state_dict({name: x for name, x in state.items() if not name.startswith("usual")})
+    known = {name: x for name, x in state.items() if not name.endswith("usual")}
+    for number in range(2):
+        known[f"thresholds{number}"] = known.pop(f"windows.{number}.thresholds")
+    older.load_state_dict(known)
     torch.testing.assert_close(older(traces[0]), features(traces[0]))
-    for index in features.used:
-        low = slice(0, features.sizes[index][0] - 2 * 4)  # not the octave above, nor the edge
+    for index, window in enumerate(features.used):
+        low = slice(0, window.sizes[0] - 2 * 4)  # not the octave above, nor the edge
         moved, before = (
-            (x.responses(lower, index) - x.responses(traces[0], index))[:, low].abs().mean()
-            for x in (features, older)
+            window.responses(lower, features.level) - window.responses(traces[0], features.level)
+            for window in (features.windows[index], older.windows[index])
         )
+        moved, before = (x[:, low].abs().mean() for x in (moved, before))
         assert moved < before / 2
         assert before > 0.3
     again = make()

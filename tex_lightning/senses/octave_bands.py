@@ -1,0 +1,314 @@
+"""Bands of the short-time spectrum under one window, and how often they exceed thresholds."""
+
+import math
+from collections.abc import Iterable, Iterator
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import scipy  # whose parts are loaded when they are used
+import torch
+from torch import Tensor, nn
+
+from tex_lightning.core.devices import is_at_hand
+from tex_lightning.senses.features.spectrogram import mean_filters, triangles
+from tex_lightning.senses.moments import Moments
+
+OVERLAP = 4  # frames that every sample is in
+LONGEST_ODD = 1024  # samples; transforms of more are fast if they can be halved
+RANGES = 8  # of bands, each of which is a product of its own: low bands take few channels
+BLOCK = 1 << 18  # samples of frames that are computed at once, about, so that they stay in cache
+MIN_BLOCK, MAX_BLOCK = 64, 1024  # frames
+FLOOR = 1e-7  # of the power of a frame; below it the logarithm is flat
+SILENCE = 1e-15  # of the mean power of the training set, likewise
+EMPTY, LEAST_DEPTH = 4.0, 2.0  # deviations, and nepers of power: a band that far below is empty
+SHAPE, POWER = "shape", "power"  # kinds of blocks of proportions
+AXES, AXES_POWER = "axes", "axes_power"  # the same of every axis by itself
+MEAN, DEVIATION = "mean", "deviation"
+
+
+class OctaveBands(nn.Module):
+    """Log power of bands that are even in octaves, compared in three ways, or four if levels count.
+
+    The comparisons are with the mean of the frame, with the band a third of an octave below, with
+    itself one window earlier, and with the mean power of the training set.
+
+    Args:
+        sampling_rate: Sampling rate in Hz.
+        length: Samples of the Hann window.
+        per_octave: Bands in an octave.
+        thresholds: Number of thresholds for each band.
+        levels: Whether levels count.
+        apart: Number of axes whose bands also count one by one.
+
+    Attributes:
+        hop: Samples between the starts of frames.
+        sizes: Number of bands in each comparison.
+        blocks: Kind and number of features of each block, in their order.
+        usual: Mean of each band relative to its frame in training, and how far below one is empty
+            (2, bands); zeros take none for empty.
+        thresholds: (thresholds, channels).
+    """
+
+    window: Tensor
+    filters: Tensor
+    usual: Tensor
+    thresholds: Tensor
+
+    def __init__(
+        self,
+        sampling_rate: float,
+        length: int,
+        per_octave: int,
+        *,
+        thresholds: int,
+        levels: bool,
+        apart: int,
+    ) -> None:
+        super().__init__()
+        self.length, self.hop = length, max(1, round(length / OVERLAP))
+        self.gap, self.levels, self.apart = third(per_octave), levels, apart
+        filters = octave_filters(sampling_rate, length, per_octave)
+        bands = len(filters)
+        self.sizes = (bands, bands - self.gap, bands, bands)[: 4 if levels else 3]
+        edges = [bands * part // RANGES for part in range(RANGES + 1)]
+        parts = [slice(*pair) for pair in pairwise(edges)]
+        self.ranges = [(part, _reach(filters[part])) for part in parts]
+        channels = sum(self.sizes) * (1 + apart)
+        window = torch.hann_window(length, periodic=False)
+        self.register_buffer("window", window, persistent=False)
+        self.register_buffer("filters", filters.T.contiguous(), persistent=False)
+        self.register_buffer("usual", torch.zeros(2, bands))
+        self.register_buffer("thresholds", torch.zeros(thresholds, channels))
+        self.blocks = self._blocks(thresholds)
+        self.width = sum(size for _, size in self.blocks)
+        self.knows_usual = False
+        loaded: Any = self.register_load_state_dict_post_hook  # it has no annotations
+        loaded(OctaveBands._note_usual)
+
+    def _blocks(self, thresholds: int) -> list[tuple[str, int]]:
+        shares = [size * thresholds for size in self.sizes]
+        blocks = [*zip((SHAPE, SHAPE, SHAPE, POWER), shares, strict=False)]
+        if self.apart:
+            kinds = AXES, AXES, AXES, AXES_POWER
+            blocks += [(kind, n * self.apart) for kind, n in zip(kinds, shares, strict=True)]
+        blocks += [(MEAN, size) for size in self.sizes[:2]]
+        return blocks + ([(DEVIATION, sum(self.sizes))] if self.levels else [])
+
+    @property
+    def bins(self) -> list[int]:
+        """The band of each feature, where levels do not count."""
+        bands, count = torch.arange(self.sizes[0]), len(self.thresholds)
+        means = bands, bands[self.gap :]
+        shares = [part.repeat_interleave(count) for part in (*means, bands)]
+        return [*map(int, torch.cat((*shares, *means)))]
+
+    def _note_usual(self, *_: object) -> None:
+        self.knows_usual = bool(self.usual.any())
+
+    def count_frames(self, samples: int) -> int:
+        """Return how many frames so many samples have."""
+        return (samples - self.length) // self.hop + 1
+
+    def responses(
+        self, movement: Tensor, level: Tensor, first: int = 0, last: int | None = None
+    ) -> Tensor:
+        """Return what is compared with thresholds: (frames, channels), block after block.
+
+        Args:
+            movement: (axes, samples).
+            level: Mean power () of the training set.
+            first: First frame.
+            last: One past the last frame; None takes all.
+        """
+        before = max(0, first - OVERLAP)  # frames that the first ones are compared with
+        frames = movement.unfold(-1, self.length, self.hop)[:, before:last]
+        frames = (frames - frames.mean(dim=-1, keepdim=True)).mul_(self.window)
+        squares = torch.view_as_real(torch.fft.rfft(frames)).square_()
+        power = squares[..., 0] + squares[..., 1]
+        power = power if self.apart else joined(power)
+        sums = [
+            power[..., channels] @ self.filters[channels, bands] for bands, channels in self.ranges
+        ]
+        power = torch.cat(sums, dim=-1).div_(self.window.sum().square())
+        return self.compare(power, level)[first - before :]
+
+    def in_blocks(self, movement: Tensor, level: Tensor, begin: int = 0) -> Iterator[Tensor]:
+        """Yield the same as :meth:`responses` some frames (block, channels) at a time.
+
+        Memory then does not grow with the movement (axes, samples). ``begin`` is the first frame.
+        """
+        frames = self.count_frames(movement.shape[-1])
+        size = BLOCK // (len(movement) * self.length)
+        size = min(max(size, MIN_BLOCK), MAX_BLOCK)
+        for first in range(begin, frames, size):
+            yield self.responses(movement, level, first, min(frames, first + size))
+
+    def compare(self, power: Tensor, level: Tensor) -> Tensor:
+        """Compare the power of bands: of all axes together, and of each if they count.
+
+        Args:
+            power: (axes, frames, bands).
+            level: Mean power () of the training set.
+        """
+        responses = []
+        for part in (joined(power), power)[: 1 + bool(self.apart)]:
+            # a floor of the frame's own power, so that gain leaves its shape
+            floor = FLOOR * part.mean(dim=2, keepdim=True) + SILENCE * level
+            logs = (part + floor).div_(level).log_()
+            if self.knows_usual:
+                logs = without_empty(logs, *self.usual)
+            responses.append(compared(logs, self.gap, len(self.sizes)))
+        return responses[0] if len(responses) == 1 else torch.cat(responses, dim=1)
+
+    def thinned(self, movement: Tensor, level: Tensor, kept: int) -> Tensor:
+        """Return at most so many rows of responses at equal distances, and at least one."""
+        frames = self.count_frames(movement.shape[-1])
+        step, first, parts = math.ceil(frames / max(1, kept)), 0, []
+        for responses in self.in_blocks(movement, level):
+            parts.append(responses[-first % step :: step].clone())
+            first += len(responses)
+        return torch.cat(parts)
+
+    def forget(self) -> None:
+        """Take no band for empty."""
+        self.usual.zero_()
+        self.knows_usual = False
+
+    def learn(self, responses: Tensor) -> None:
+        """Set thresholds to quantiles of responses (frames, channels) in the training."""
+        count, frames = len(self.thresholds), len(responses)
+        shares = (torch.arange(count, dtype=torch.float64) + 0.5) / count
+        places = (shares * frames).long().to(responses.device)
+        after = (places + 1).clamp_max(frames - 1)  # between two: no rounding crosses it
+        every = torch.arange(responses.shape[1], device=responses.device)
+        for channels in torch.split(every, max(1, BLOCK // frames)):
+            ordered = _ordered(responses[:, channels].T)
+            self.thresholds[:, channels] = ((ordered[:, places] + ordered[:, after]) / 2).T
+        if not self.levels:  # slow sensors have silent bands, which tell the material
+            relative = responses[:, : self.sizes[0]]
+            depth = (EMPTY * relative.std(dim=0, correction=0)).clamp_min(LEAST_DEPTH)
+            self.usual.copy_(torch.stack([relative.mean(dim=0), depth]))
+            self._note_usual()
+
+    def summary(self, blocks: Iterable[Tensor], frames: int, fragments: int) -> Tensor:
+        """Return the features (D, fragments).
+
+        Args:
+            blocks: Responses (block, channels), one block after the other.
+            frames: Number of all frames.
+            fragments: Number of equal fragments.
+        """
+        limits, bands = self.thresholds, self.sizes
+        above, means = Moments(frames, fragments), Moments(frames, fragments)
+        for responses in blocks:  # as numbers: faster than a comparison as booleans
+            found = responses.new_empty(responses.shape[0], *limits.shape)
+            above.add(torch.gt(responses[:, None], limits, out=found).flatten(1))
+            kept = responses[:, : sum(bands if self.levels else bands[:2])]
+            means.add(kept, squares=self.levels)
+        shares = above.mean.reshape(-1, *limits.shape).transpose(1, 2).flatten(1)
+        parts = [shares, means.mean[:, : sum(bands[:2])]]
+        return torch.cat((*parts, means.variance.sqrt()) if self.levels else parts, dim=1).T
+
+
+def transform_length(samples: float) -> int:
+    """Return the next number of samples with a fast transform; longer ones can be halved."""
+    even = 2 ** max(0, math.ceil(math.log2(max(1, samples) / LONGEST_ODD)))
+    length: int = even * scipy.fft.next_fast_len(max(2, round(samples / even)))
+    return length
+
+
+def third(per_octave: int) -> int:
+    """Return how many bands are a third of an octave, at least one."""
+    return max(1, per_octave // 3)
+
+
+def count_bands(length: int, per_octave: int) -> int:
+    """Return how many bands there are from one period of a window up to half the rate."""
+    return int(per_octave * math.log2(length / 2) + 1e-6)
+
+
+def joined(power: Tensor) -> Tensor:
+    """Return power (axes, ...) of all axes together (1, ...)."""
+    return power if len(power) == 1 else power.sum(dim=0, keepdim=True)
+
+
+def without_empty(logs: Tensor, usual: Tensor, depth: Tensor) -> Tensor:
+    """Return log bands (axes, frames, bands) with empty ones as they usually are beside the others.
+
+    What was recorded at a lower rate has nothing in the highest bands. They would change the mean
+    of the frame, and with it all others.
+
+    Args:
+        logs: (axes, frames, bands).
+        usual: The bands of a frame in training, relative to its mean, (bands,).
+        depth: How far below a band is empty if those above are, (bands,).
+    """
+    mean = logs.mean(dim=2, keepdim=True) - usual.mean()
+    highest = logs[..., -1:] - usual[-1] - mean
+    if is_at_hand(logs) and bool((highest > -depth[-1]).all()):
+        return logs
+    apart = logs - usual
+    heard = apart - mean > -depth
+    for _ in range(2):  # the mean of those that are heard is higher, and more are empty below it
+        heard = heard.flip(2).cumsum(dim=2).flip(2) > 0
+        count = heard.sum(dim=2, keepdim=True).clamp_min(1)
+        mean = (apart * heard).sum(dim=2, keepdim=True) / count
+        heard = apart - mean > -depth
+    heard = heard.flip(2).cumsum(dim=2).flip(2) > 0
+    return torch.where(heard, logs, usual + mean)
+
+
+def compared(bands: Tensor, gap: int, kinds: int) -> Tensor:
+    """Return log bands (axes, frames, bands) in three or all four comparisons, side by side.
+
+    With the mean of the frame, with the band ``gap`` below, with the same band one window earlier
+    (the first frames with the first), and as they are.
+
+    Returns:
+        (frames, channels); of each comparison all axes.
+    """
+    earlier = (torch.arange(bands.shape[1], device=bands.device) - OVERLAP).clamp_min(0)
+    relative, steps = bands - bands.mean(dim=2, keepdim=True), bands[..., gap:] - bands[..., :-gap]
+    comparisons = (relative, steps, bands - bands.index_select(1, earlier), bands)[:kinds]
+    return torch.cat([part.transpose(0, 1).flatten(1) for part in comparisons], dim=1)
+
+
+def octave_filters(sampling_rate: float, samples: int, per_octave: int) -> Tensor:
+    """Return triangles, even in the logarithm of frequency, that average the power of each band.
+
+    A triangle reaches to the centres of its neighbours, and at least to the neighbouring channels
+    of the transform, so that every band has one; none has the constant part.
+
+    Args:
+        sampling_rate: Sampling rate in Hz.
+        samples: Length of the transform.
+        per_octave: Bands in an octave.
+
+    Returns:
+        (bands, samples // 2 + 1), not negative, rows summing to 1; from one period of the window up
+        to half the rate.
+    """
+    channel = sampling_rate / samples
+    bands = count_bands(samples, per_octave)
+    centres = channel * 2 ** (torch.arange(bands, dtype=torch.float64)[:, None] / per_octave)
+    step = 2 ** (1 / per_octave)
+    below = torch.minimum(centres / step, centres - channel)
+    above = torch.maximum(centres * step, centres + channel)
+    frequencies = torch.arange(samples // 2 + 1, dtype=torch.float64) * channel
+    heights = triangles(frequencies, below, centres, above)
+    heights[:, 0] = 0
+    return mean_filters(heights)
+
+
+def _ordered(rows: Tensor) -> Tensor:
+    """Return each row in order of size; on a processor NumPy is three times as fast."""
+    if is_at_hand(rows):
+        return torch.from_numpy(np.sort(rows.numpy(), axis=1))
+    return rows.sort(dim=1).values
+
+
+def _reach(filters: Tensor) -> slice:
+    """Return the range of frequencies that some of the filters (bands, frequencies) take."""
+    taken = filters.any(dim=0).nonzero()
+    return slice(int(taken[0]), int(taken[-1]) + 1) if len(taken) else slice(0)
