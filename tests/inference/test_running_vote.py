@@ -14,9 +14,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.vote import RULES, Tally
 from tex_lightning.config import StreamConfig
 from tex_lightning.errors import UserError
-from tex_lightning.inference.running_vote import LiveRests
 from tex_lightning.inference.stream import LiveStream, ResampledSignal
-from tex_lightning.senses.features.movement import block_length, resting
 from tex_lightning_runtime.quality import Level, Survey, level, limits, trace_quality
 
 
@@ -206,16 +204,6 @@ def test_resampled_pieces_are_those_of_the_whole(rate):
     whole, _ = signal.sense.resample(samples, rate, {}, "it")
     assert torch.equal(pieces, whole)
     assert signal.kept.shape[1] < 15_000
-
-
-def test_rests_are_those_of_the_whole_where_the_level_is_known():
-    samples = torch.from_numpy(strokes(RATE)[:, RATE // 2 :])
-    rests, parts = LiveRests(RATE, skip=True), []
-    for part in samples.split(777, dim=1):
-        settled, rest = rests.push(part, part[:, :0])
-        parts.append(settled.rests)
-    found = torch.cat([*parts, rest.rests])
-    assert torch.equal(found, resting(samples, RATE, block_length(RATE)))
 
 
 @pytest.mark.parametrize("rule", RULES)

@@ -1,0 +1,21 @@
+"""Rests in a signal that goes on are those of the whole."""
+
+import torch
+
+from tex_lightning.inference.live_rests import LiveRests
+from tex_lightning.senses.features.movement import block_length, resting
+
+RATE = 10_000
+
+
+def test_rests_are_those_of_the_whole_where_the_level_is_known():
+    samples = torch.randn(1, 5 * RATE, generator=torch.Generator().manual_seed(0))
+    samples[:, RATE : 2 * RATE] *= 1e-3
+    samples[:, 7 * RATE // 2 : 4 * RATE] *= 1e-3
+    rests, parts = LiveRests(RATE, skip=True), []
+    for part in samples.split(777, dim=1):
+        settled, rest = rests.push(part, part[:, :0])
+        parts.append(settled.rests)
+    found = torch.cat([*parts, rest.rests])
+    assert torch.equal(found, resting(samples, RATE, block_length(RATE)))
+    assert 0.8 * RATE < int(found.sum()) < 1.6 * RATE
