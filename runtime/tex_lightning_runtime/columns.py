@@ -68,7 +68,7 @@ def separate(
     time, times, others = _time(columns, time_unit, rate)
     axes, left = _divided(columns, channels, time, others)
     if channels is not None:
-        axes = _chosen(channels, axes, columns)
+        axes = _chosen(channels, axes, columns, left)
     blank = np.all([column.values.isna() for column in axes], axis=0)
     rows = ~blank if times is not None and not blank.all() else np.full(len(blank), True)
     samples = np.stack([_samples(column, rows) for column in axes])
@@ -237,13 +237,14 @@ def _find(name: str, columns: list[Column]) -> Column:
 
 
 def _chosen(
-    channels: Sequence[int | str], axes: list[Column], columns: list[Column]
+    channels: Sequence[int | str], axes: list[Column], columns: list[Column], left: Sequence[str]
 ) -> list[Column]:
     last = max((each for each in channels if isinstance(each, int)), default=0)
     if last >= len(axes):
+        beside = f" beside {', '.join(left)}" if left else ""
         raise TableError(
-            f"has {len(axes)} channels, and data.channels names {last}, counted from 0; choose "
-            "others"
+            f"has {len(axes)} channels{beside}, and data.channels names {last}, counted from 0; "
+            "choose others"
         )
     return [_find(each, columns) if isinstance(each, str) else axes[each] for each in channels]
 

@@ -123,7 +123,7 @@ def test_a_column_fold_fixes_the_folds_and_is_no_condition(tmp_path, cells, fold
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
-        ("label,path\n", "has no column modality or group"),
+        ("path,group\n", "has no column label; its first line must name .* group may be left out"),
         (HEADER, "lists no recordings"),
         (HEADER.replace("group", "Group"), "a column 'Group'; call it group if it is meant"),
         ("lable,modality,path,group\n", "a column 'lable'; call it label"),

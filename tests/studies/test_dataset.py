@@ -43,7 +43,7 @@ def test_classes_in_folders_of_subjects_are_told_how_they_are_read(cli, tmp_path
         soundfile.write(folder / "1.wav", make_trace(0, 0), RATE)
     done = cli("model=haptic", "data=folder", f"data.root={tmp_path}")
     assert done.status == 2
-    assert f"task=manifest data.root={tmp_path} pattern='{{group}}/{{label}}/*.csv'" in done.err
+    assert f"task=manifest data.root={tmp_path} pattern='{{group}}/{{label}}/*.wav'" in done.err
 
 
 def division(test: int | None, val: int | None = None, where: object = None) -> Folding:

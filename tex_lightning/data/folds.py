@@ -233,8 +233,10 @@ def check_split(parts: Split, classes: list[str], modalities: Sequence[str], by:
     for modality in modalities:
         absent = sorted(set(classes) - {row.label for row in parts.train.of(modality)})
         if absent:
+            validate = {row.label for row in parts.val.of(modality)} & {*absent}
+            free = " give data.val_fold=null, which validates on none of them," if validate else ""
             raise UserError(
-                f"There are no {plural(modality)} to train on for {listed(absent)}; add "
+                f"There are no {plural(modality)} to train on for {listed(absent)};{free} add "
                 "recordings, test less, leave the class out, or choose a model without them."
             )
     if by.withholds and not make_samples(parts.test, modalities):

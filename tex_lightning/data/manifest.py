@@ -2,8 +2,10 @@
 
 import csv
 import re
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from io import StringIO
 from pathlib import Path, PureWindowsPath
 from typing import Any
@@ -22,8 +24,10 @@ from tex_lightning.data.recordings import (
 from tex_lightning.errors import UserError, reason, shorten
 from tex_lightning.text import from_cell, to_cell
 from tex_lightning_runtime.files import has_long_line, is_file
+from tex_lightning_runtime.photos import IMAGE_SUFFIXES
 from tex_lightning_runtime.plain_text import read_utf8
 from tex_lightning_runtime.times import TableError
+from tex_lightning_runtime.traces import TRACE_SUFFIXES
 
 COLUMNS = ("label", "modality", "path", "group")
 RATE, PART, FOLD = "rate", "part", "fold"
@@ -32,15 +36,23 @@ SAMPLING = re.compile(  # names that a column of rates may have
     r"(sampl(e|es|ed|ing)?|acquisition|audio)(rate|freq\w*)(s|inhz|hz|khz)?|fs|k?hz|rate(in)?k?hz"
 )
 SEPARATORS = ",;\t|"
+HEAD = 4096  # bytes of a first line that is looked at
 NUMBER = re.compile("[0-9]{1,18}")  # longer ones are names
+MEANT = {  # other names of columns, in tables of labels as people have them
+    "path": ("path", "paths", "file", "files", "filename", "file_name", "file name", "filepath"),
+    "label": ("label", "labels", "class", "material", "category", "target", "surface", "texture"),
+}
 
 
 def read_manifest(path: str | Path) -> Recordings:
     r"""Read a table from CSV with the columns ``label,modality,path,group``.
 
-    Relative paths are relative to the manifest; an optional column ``rate`` (Hz) gives the rate
-    of traces whose format states none. A column ``part``, such as ``0-0.5``, is the position of a
-    recording in its file. A column ``fold`` fixes the folds: numbers from 0, or any other numbers
+    Relative paths are relative to the manifest; a bare name may be that of the only such file below
+    it, with or without its suffix. Without a column ``modality`` photos are known by their suffix,
+    and all else is ``haptic``; without ``group`` files of one name are a group. A column ``rate``
+    (Hz) gives the rate of traces whose format states none. A column ``part``, such as ``0-0.5``, is
+    the position of a recording in its file. A column ``fold`` fixes the folds: numbers from 0, or
+    any other numbers
     or names, which are counted in natural order. All other columns are conditions of the
     recordings, such as speed, force or light. ``group`` is any text (:class:`Recording`).
 
@@ -58,14 +70,71 @@ def read_manifest(path: str | Path) -> Recordings:
     path = Path(path)
     delimiter, names, lines = _read_lines(path)
     _check_names(path, names)
-    rows = [_read_line(path.parent, where, line, delimiter) for where, line in lines.items()]
+    rows = [
+        _read_line(_Files(path.parent), where, line, delimiter) for where, line in lines.items()
+    ]
     check_distinct(f"Manifest {path}", rows)
     if not rows:
         raise UserError(f"Manifest {path} lists no recordings; add lines {','.join(COLUMNS)}.")
     cells = {where: (line.get(FOLD) or "").strip() for where, line in lines.items()}
     folds, notes = _fixed_folds(cells)
+    notes += tuple(
+        f"Manifest {path} has no column {name}: {how}."
+        for name, how in ASSUMED.items()
+        if name not in names
+    )
     placed = zip(rows, folds, strict=True)
     return Recordings(tuple(replace(row, fold=fold) for row, fold in placed), notes)
+
+
+ASSUMED = {
+    "modality": "what is no photo is haptic",
+    "group": "files of other names are groups of their own, which tests leave out one by one",
+}
+
+
+def sense_by_suffix(path: Path) -> str:
+    """Return the modality of a file if nothing but its suffix tells it."""
+    return "image" if path.suffix.lower() in IMAGE_SUFFIXES else "haptic"
+
+
+def names_recordings(path: Path) -> Recordings | None:
+    """Return the recordings that a table lists with their classes; None of any other file."""
+    if path.suffix.lower() not in (".csv", ".tsv", ".txt") or not is_file(path):
+        return None
+    with path.open("rb") as stream:
+        first = stream.readline(HEAD).decode(errors="replace").lstrip("\ufeff").casefold()
+    cells = {cell.strip(" \t\r\n\"'") for cell in re.split(f"[{SEPARATORS}]", first)}
+    if not all(cells & {*names} for names in MEANT.values()):
+        return None
+    try:
+        table = read_manifest(path)
+    except UserError:
+        return None
+    return table if any(is_file(row.path) for row in table) else None
+
+
+class _Files:
+    """The files that a manifest may name."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def find(self, name: str) -> Path:
+        """Return a file, whose name may have blanks around it, be as of Windows, or be bare."""
+        forms = (name, name.strip(), PureWindowsPath(name.strip()).as_posix())
+        near = (path for each in forms if is_file(path := self.folder / each))
+        below = self._below.get(name.strip(), [])
+        return next(near, below[0] if len(below) == 1 else self.folder / name)
+
+    @cached_property
+    def _below(self) -> dict[str, list[Path]]:
+        found: dict[str, list[Path]] = defaultdict(list)
+        for path in self.folder.rglob("*"):
+            if path.suffix.lower() in (*TRACE_SUFFIXES, *IMAGE_SUFFIXES) and is_file(path):
+                found[path.name].append(path)
+                found[path.stem].append(path)
+        return found
 
 
 def _read_lines(path: Path) -> tuple[str, list[str], dict[str, dict[Any, Any]]]:
@@ -110,15 +179,23 @@ def _check_names(path: Path, names: Sequence[str]) -> None:
                 f"Manifest {path} has a column {shorten(repr(name))}; call it {meant} if it is "
                 f"meant, or otherwise if it is a condition of the recordings."
             )
-    if missing := [column for column in COLUMNS if column not in names]:
+    if missing := [column for column in MEANT if column not in names]:
         raise UserError(
             f"Manifest {path} has no column {' or '.join(missing)}; its first line must name "
-            f"{','.join(COLUMNS)}."
+            f"{','.join(COLUMNS)}, of which modality and group may be left out."
         )
 
 
 def _names(lines: Iterable[str], delimiter: str) -> list[str]:
-    return [name.strip() for name in next(csv.reader(lines, delimiter=delimiter), ())]
+    """Return the names of columns, with other words for path and label where these are absent."""
+    names = [name.strip() for name in next(csv.reader(lines, delimiter=delimiter), ())]
+    plain = [name.casefold() for name in names]
+    meant = {
+        plain.index(found): known
+        for known, others in MEANT.items()
+        if known not in names and (found := next((o for o in others if o in plain), None))
+    }
+    return [meant.get(at, name) for at, name in enumerate(names)]
 
 
 def _fixed_folds(cells: Mapping[str, str]) -> tuple[list[int | None], tuple[str, ...]]:
@@ -166,7 +243,7 @@ def write_manifest(recordings: Recordings, path: Path) -> None:
             writer.writerow(map(to_cell, cells))
 
 
-def _read_line(folder: Path, where: str, line: dict[Any, Any], delimiter: str) -> Recording:
+def _read_line(files: _Files, where: str, line: dict[Any, Any], delimiter: str) -> Recording:
     """Return the recording of a line.
 
     Raises:
@@ -179,11 +256,14 @@ def _read_line(folder: Path, where: str, line: dict[Any, Any], delimiter: str) -
         )
     cells = {name: from_cell(value) for name, value in line.items() if name}
     group, part, rate = (cells.get(name, "") for name in ("group", PART, RATE))
+    path = resolved(files.find(cells["path"]))
+    named = PureWindowsPath(cells["path"].strip())
+    group = group if "group" in cells else named.as_posix().removesuffix(named.suffix)
     conditions = ((name, value) for name, value in cells.items() if value and name not in KNOWN)
     row = Recording(
         cells["label"],
-        sense_called(cells["modality"].strip()),
-        resolved(_existing(folder, cells["path"])),
+        sense_called(cells.get("modality", sense_by_suffix(path)).strip()),
+        path,
         int(group) if NUMBER.fullmatch(group.strip()) else group.strip(),
         _parsed(float, _plain_number(rate, delimiter)),
         tuple(conditions),
@@ -191,12 +271,6 @@ def _read_line(folder: Path, where: str, line: dict[Any, Any], delimiter: str) -
     )
     check_row(row, where)  # what could not be parsed is text
     return row
-
-
-def _existing(folder: Path, name: str) -> Path:
-    """Return a file, perhaps one whose name has blanks around it, or is written as of Windows."""
-    forms = (name, name.strip(), PureWindowsPath(name.strip()).as_posix())
-    return next((path for each in forms if is_file(path := folder / each)), folder / name)
 
 
 def _plain_number(text: str, delimiter: str) -> str:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tex_lightning.errors import UserError, shorten
+from tex_lightning.errors import UserError, listed, shorten
 
 Part = tuple[float, float]
 WHOLE: Part = (0.0, 1.0)
@@ -175,7 +175,7 @@ def one_name(name: str) -> str:
 
 
 def with_one_name(recordings: Recordings) -> Recordings:
-    """Return the table with one spelling of each class, and a note for each that had several."""
+    """Return the table with one spelling of each class; notes name what had several, or is near."""
     spellings: dict[str, set[str]] = defaultdict(set)
     rows = []
     for row in recordings:
@@ -185,6 +185,15 @@ def with_one_name(recordings: Recordings) -> Recordings:
     notes = [
         f"{' and '.join(map(ascii, sorted(several)))} look alike and are one class, {label}."
         for label, several in spellings.items()
+        if len(several) > 1
+    ]
+    near: dict[str, set[str]] = defaultdict(set)
+    for label in spellings:
+        near[re.sub(r"[\s_-]+", " ", label.casefold())].add(label)
+    notes += [
+        f"{listed(sorted(several))} are classes of their own, and differ in capitals or separators "
+        "alone; give them one name if they are one."
+        for several in near.values()
         if len(several) > 1
     ]
     return replace(recordings, rows=tuple(rows), notes=(*recordings.notes, *notes))

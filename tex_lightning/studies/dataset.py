@@ -18,7 +18,7 @@ from tex_lightning.data.folds import (
     tested_part,
 )
 from tex_lightning.data.readers import read_recordings
-from tex_lightning.data.readers.folder import by_pattern
+from tex_lightning.data.readers.layout import hint
 from tex_lightning.data.recordings import MODALITIES, Recording, Recordings, one_name
 from tex_lightning.data.store import Store, Unusable, cache_root, list_files
 from tex_lightning.errors import UserError, listed
@@ -146,12 +146,11 @@ def open_dataset(data: DataConfig, senses: Sequence[Sense]) -> Dataset:
     rows = read_recordings(data, modalities)
     needed = rows.of(*modalities)
     beside = of_no_sense(rows, modalities)
+    if {*rows.classes} - {*needed.classes}:
+        beside += hint(data.root, rows)
     needed = replace(needed, notes=(*needed.notes, *beside))
     recordings, unknown = hold_out(needed, data.hold_out)
     if len(recordings.classes) < 2:
-        if data.root is not None:  # classes in folders of sessions or subjects
-            how = f" If these are the classes, {by_pattern(data.root, '{group}/{label}/*.csv')}"
-            beside = [text + how for text in beside]
         raise UserError(
             f"The data has {' or '.join(modalities)} recordings of "
             f"{listed(recordings.classes) or 'no class'}, and telling classes apart takes two; "

@@ -10,6 +10,7 @@ from tex_lightning.config.composition import Job
 from tex_lightning.core.console import say
 from tex_lightning.data.inspection import Finding, named_files, suspicions
 from tex_lightning.data.readers import read_recordings
+from tex_lightning.data.readers.layout import hint
 from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.store import Store, cache_root
 from tex_lightning.errors import UserError, listed
@@ -51,6 +52,7 @@ def _open(config: Config) -> tuple[Dataset, list[Sense]]:
         raise UserError(
             f"No sense reads {listed(unread)}; give data of {listed(config.model.known)}, or add "
             "a sense (conf/sense/NAME.yaml and --config-dir conf)."
+            + "".join(f" {text}" for text in hint(config.data.root, table))
         )
     store = Store(
         cache_root(config.data.cache_dir), {sense.modality: sense.decoder for sense in senses}

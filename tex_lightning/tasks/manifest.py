@@ -32,6 +32,8 @@ def run(config: Config, job: Job) -> None:
     except UserError:
         out.unlink()
         raise
+    for note in table.notes:
+        say(note)
     say(f"{len(table)} recordings of {len(table.classes)} classes: {listed(table.classes)}.")
     if others:
         say(f"{len(others)} files have other names, such as {others[0]}.")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from haptic_sets import read
+from haptic_sets import read, touch
 
 from tex_lightning.data.manifest import read_manifest, write_manifest
 from tex_lightning.data.readers.folder import read_folder
@@ -14,15 +14,6 @@ from tex_lightning.data.readers.path_pattern import read_names
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.errors import UserError
 from tex_lightning.studies.dataset import hold_out
-
-
-def touch(root, *names):
-    for name in names:
-        path = root / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("x")
-    return root
-
 
 OTHERS = "Of other kinds and not read: "
 

@@ -9,6 +9,7 @@ from tex_lightning.config import DataConfig
 from tex_lightning.config.instantiation import PACKAGE, build
 from tex_lightning.core.contract import calling
 from tex_lightning.data.folds import check_conditions, with_folds
+from tex_lightning.data.readers.layout import hint
 from tex_lightning.data.recordings import (
     Recording,
     Recordings,
@@ -108,7 +109,7 @@ def read_recordings(
     if len(classes) < least:
         raise UserError(
             f"The data has only the class {', '.join(classes)}; telling classes apart takes two; "
-            "add recordings of another."
+            + " ".join(["add recordings of another.", *hint(config.root, recordings)])
         )
     recordings = with_folds(recordings.in_classes(classes[: config.classes]), config.folds)
     if config.test_where is not None:

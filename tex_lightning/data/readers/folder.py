@@ -6,7 +6,6 @@ own, ``root/CLASS/NAME/*``, are read as well. A class without folders for its se
 lies, ``root/CLASS/*``: a file's suffix tells its sense.
 """
 
-import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -14,6 +13,18 @@ from itertools import chain
 from pathlib import Path
 
 from tex_lightning.data.manifest import read_manifest
+from tex_lightning.data.readers.layout import (
+    ASIDE,
+    SPLITS,
+    VERSIONS,
+    advise,
+    by_pattern,
+    check_sensors,
+    doubts,
+    flat_pattern,
+    tables_of_labels,
+    without_versions,
+)
 from tex_lightning.data.recordings import (
     MODALITIES,
     Recording,
@@ -22,15 +33,15 @@ from tex_lightning.data.recordings import (
     natural_key,
     sense_called,
 )
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, listed
 from tex_lightning_runtime.photos import IMAGE_SUFFIXES
 from tex_lightning_runtime.traces import TRACE_SUFFIXES, axis_files, stands_for_all
 
 SYSTEMS = ("Thumbs.db", "desktop.ini")  # files that are nobody's
 READ_ME = {  # text and tables beside recordings, of any suffix
     "readme", "read_me", "readme_first", "license", "metadata", "index", "labels", "manifest",
+    "notes", "note", "comments", "description", "protocol", "summary",
 }  # fmt: skip
-SPLITS = {"train", "training", "val", "valid", "validation", "test", "testing", "eval"}
 MAX_KINDS = 6
 TO_SOUND = " Convert what is compressed to .flac or .wav, such as with ffmpeg."
 TO_TABLE = " Save each sheet as CSV."
@@ -42,11 +53,6 @@ CURES = {
     **dict.fromkeys((".dat", ".log", ".asc", ".prn"), TO_TEXT),
     **dict.fromkeys((".heic", ".heif", ".gif", ".raw", ".cr2", ".nef"), TO_PHOTO),
 }  # of files that are not read, by suffix
-SENSOR = re.compile(
-    r"(?<![a-z])(?:acc|accel[a-z]*|gyro[a-z]*|mag|magnet[a-z]*|gravity|orientation|force|torque|pressure"
-    r"|temp|temperature|audio|sound|mic|microphone|haptic|tactile|vibration|rgb|depth|mask)(?![a-z])",
-    re.IGNORECASE,
-)  # in the names of files beside each other
 BESIDE = {"haptic": TRACE_SUFFIXES, "image": IMAGE_SUFFIXES}  # of files in the folder of a class
 
 
@@ -95,21 +101,15 @@ def read_folder(root: str | Path) -> Recordings:
     root = Path(root)
     if not root.is_dir():
         raise UserError(f"Folder {root} does not exist; give an existing folder in data.root.")
-    names = [folder.name for folder in _folders(root)]
-    if len(names) > 1 and {name.casefold() for name in names} <= SPLITS:
-        raise UserError(
-            f"Folder {root} has the folders {', '.join(names)} in the place of classes; "
-            + by_pattern(root, "{split}/{label}/*.csv")
-        )
     rows: list[Recording] = []
     notes: list[str] = []
     others: list[Path] = []
-    for directory in _folders(root):
+    for directory in _class_folders(root, notes):
         recordings = _read_class(directory, notes)
         deep = _deeper(directory, recordings)
         others += (path for path in _others(directory, recordings) if path not in deep)
         if deep:
-            notes.append(f"Too deep and not read: {count_kinds(deep)}; {to_manifest(root, deep)}")
+            notes.append(f"Too deep and not read: {count_kinds(deep)}; {advise(root, deep)}.")
         elif not recordings:
             notes.append(f"Class folder {directory} is skipped: it has no trace and no photo.")
         rows += recordings
@@ -117,7 +117,40 @@ def read_folder(root: str | Path) -> Recordings:
     if not rows:
         raise UserError(_nothing_in(root, others, counted))
     check_sensors(root, rows)
-    return Recordings(tuple(rows), (*notes, *counted))
+    table = without_versions(root, rows)
+    return Recordings(table.rows, (*notes, *counted, *table.notes, *doubts(root, table.rows)))
+
+
+def _class_folders(root: Path, notes: list[str]) -> list[Path]:
+    """Return the folders of classes, without those whose name says that they are none.
+
+    Raises:
+        UserError: If all of them are parts or versions of the data set.
+    """
+    folders = _folders(root)
+    classes = [folder for folder in folders if folder.name.casefold() not in ASIDE | VERSIONS]
+    instead = [folder for folder in folders if folder.name.casefold() in SPLITS | VERSIONS]
+    if not classes and len(instead) > 1:
+        paths = [path for folder in instead for path in _deeper(folder, ()) or _recorded(folder)]
+        if paths:
+            names = listed([folder.name for folder in instead])
+            raise UserError(
+                f"Folder {root} has the folders {names} in the place of classes; "
+                f"{advise(root, paths)}."
+            )
+    aside = [folder for folder in folders if folder.name.casefold() in ASIDE]
+    if len(classes) < 2:
+        return folders
+    for folder in aside:
+        if _deeper(folder, ()) or _recorded(folder):
+            notes.append(
+                f"{folder} is left out, as its name is none of a class; rename it if it is one."
+            )
+    return [folder for folder in folders if folder not in aside]
+
+
+def _recorded(folder: Path) -> list[Path]:
+    return [path for suffixes in BESIDE.values() for path in _files(folder, suffixes)]
 
 
 def _nothing_in(root: Path, others: Sequence[Path], counted: Sequence[str]) -> str:
@@ -135,12 +168,15 @@ def _nothing_in(root: Path, others: Sequence[Path], counted: Sequence[str]) -> s
     if deep:
         return (
             f"Folder {root} has no recordings where they are looked for, in CLASS/haptic and the "
-            f"like, but deeper: {count_kinds(deep)}; {to_manifest(root, deep)}"
+            f"like, but deeper: {count_kinds(deep)}; {advise(root, deep)}."
         )
-    if {*TRACE_SUFFIXES, *IMAGE_SUFFIXES} & {path.suffix.lower() for path in flat}:
+    if named := next(iter(tables_of_labels(root)), None):
+        return f"Folder {root} has no folder for each class, but {named.notes[-1]}."
+    if recorded := _recorded(root):
         return (
             f"Folder {root} has no folder for each class: it holds {count_kinds(flat)}; "
-            + by_pattern(root, f"{{label}}_{{group}}{flat[0].suffix}")
+            f"{by_pattern(root, ((), flat_pattern(recorded)))}, or with a pattern that fits their "
+            "names better."
         )
     cure = next((text for kind, text in CURES.items() if kind in kinds), "")
     said = (
@@ -162,49 +198,6 @@ def _deeper(directory: Path, recordings: Sequence[Recording]) -> list[Path]:
         if path.parent not in seen and path not in read and path.suffix.lower() in suffixes
         and not is_hidden(path, directory) and path.is_file()
     ]  # fmt: skip
-
-
-def check_sensors(root: Path, rows: Sequence[Recording]) -> None:
-    """Reject files of several sensors of one recording, which would be recordings of their own.
-
-    Raises:
-        UserError: Naming two whose names differ in words such as ``acc`` and ``gyro``.
-    """
-    seen: dict[object, Path] = {}
-    for row in rows:
-        key = (
-            row.modality,
-            row.label,
-            row.conditions,
-            row.path.with_name(SENSOR.sub("*", row.path.name)),
-        )
-        first = seen.setdefault(key, row.path)
-        word = SENSOR.search(first.name)
-        if first != row.path and word:
-            raise UserError(
-                f"{first} and {row.path.name} are of two sensors by their names; write the columns "
-                "of one recording into one file, or choose a sensor: "
-                + to_manifest(root, [first], f"*{word[0]}*")
-            )
-
-
-def to_manifest(root: Path, deep: Sequence[Path], name: str = "*") -> str:
-    """Say how a manifest is made of recordings in folders within those of their classes."""
-    inner = deep[0].relative_to(root).parts[1:-1]
-    session = next((part for part in inner if part.casefold() not in MODALITIES), None)
-    between = [
-        "{group}" if part == session else "{modality}" if part in MODALITIES else "*"
-        for part in inner
-    ]
-    return by_pattern(root, "/".join(["{label}", *between, f"{name}{deep[0].suffix}"]))
-
-
-def by_pattern(root: str | Path, pattern: str) -> str:
-    """Say how a manifest is made of the recordings below a folder by a pattern like this one."""
-    return (
-        f"run task=manifest data.root={root} pattern='{pattern}', with a pattern that fits their "
-        "names, and train with data=manifest."
-    )
 
 
 def count_kinds(files: Sequence[Path]) -> str:
@@ -239,6 +232,7 @@ def _others(directory: Path, recordings: Sequence[Recording]) -> Iterator[Path]:
 
 def _read_class(directory: Path, notes: list[str]) -> list[Recording]:
     """Read one class, from folders of its senses if it has any; note what is passed over."""
+    label, directory = directory.name, _unwrapped(directory)
     inner: dict[str, list[Path]] = {name: [] for name in MODALITIES}
     for folder in _folders(directory):
         sense = sense_called(folder.name.casefold())
@@ -251,11 +245,19 @@ def _read_class(directory: Path, notes: list[str]) -> list[Recording]:
     elif stray:
         text = f"{directory} has folders for its senses, so {stray[0]} beside them is not read."
         notes.append(text)
-    return [
-        Recording(directory.name, sense, path, f"{directory.name}/{place}")
-        for sense, paths in inner.items()
-        for place, path in enumerate(sorted(paths, key=lambda path: natural_key(path.name)))
-    ]
+    rows = []
+    for sense, paths in inner.items():
+        ordered = sorted(paths, key=lambda path: natural_key(path.name))
+        places = {stem: n for n, stem in enumerate(dict.fromkeys(path.stem for path in ordered))}
+        rows += [Recording(label, sense, path, f"{label}/{places[path.stem]}") for path in ordered]
+    return rows
+
+
+def _unwrapped(directory: Path) -> Path:
+    """Return the folder of a class, which may hold nothing but one of its name, as archives do."""
+    inside = [path for path in _visible(directory) if path.name not in SYSTEMS]
+    alone = len(inside) == 1 and inside[0].name.casefold() == directory.name.casefold()
+    return _unwrapped(inside[0]) if alone and inside[0].is_dir() else directory
 
 
 def suffixes_of(modality: str) -> tuple[str, ...]:

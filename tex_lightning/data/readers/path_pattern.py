@@ -4,8 +4,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from tex_lightning.data.manifest import FOLD, KNOWN, PART, RATE
-from tex_lightning.data.readers.folder import check_sensors
+from tex_lightning.data.manifest import FOLD, KNOWN, PART, RATE, sense_by_suffix
+from tex_lightning.data.readers.layout import check_sensors, without_versions
 from tex_lightning.data.recordings import Recording, Recordings, is_hidden, natural_key
 from tex_lightning.errors import UserError, shorten
 from tex_lightning_runtime.photos import IMAGE_SUFFIXES
@@ -53,7 +53,7 @@ def read_names(root: Path, pattern: str) -> tuple[Recordings, list[str]]:
             "pattern, which is a path below data.root."
         )
     check_sensors(root, rows)
-    return Recordings(tuple(rows)), others
+    return without_versions(root, rows), others
 
 
 def _files(root: Path) -> Iterator[Path]:
@@ -89,7 +89,6 @@ def _compiled(pattern: str) -> re.Pattern[str]:
 
 def _recording(path: Path, name: str, told: dict[str, str]) -> Recording:
     """Make the recording of a file; its values are checked when the manifest is read."""
-    photo = path.suffix.lower() in IMAGE_SUFFIXES
     group = told.get(GROUP, name.removesuffix(path.suffix))
     try:
         rate = float(told[RATE]) if RATE in told else None
@@ -97,5 +96,5 @@ def _recording(path: Path, name: str, told: dict[str, str]) -> Recording:
     except ValueError as error:
         raise UserError(f"{path} has a rate or fold that is no number ({error}).") from error
     conditions = tuple((key, value) for key, value in told.items() if key not in KNOWN)
-    modality = told.get(MODALITY, "image" if photo else "haptic")
+    modality = told.get(MODALITY, sense_by_suffix(path))
     return Recording(told[LABEL], modality, path, group, rate, conditions, fold=fold)

@@ -1,0 +1,190 @@
+"""Folders that are not those of classes: the pattern that is told reads them as they are meant."""
+
+import re
+import shlex
+
+import pytest
+from haptic_sets import touch
+
+from tex_lightning.data.manifest import read_manifest
+from tex_lightning.data.readers.folder import read_folder
+from tex_lightning.data.readers.layout import advise, hint
+from tex_lightning.data.readers.path_pattern import read_names
+from tex_lightning.errors import UserError
+
+COMMAND = re.compile(r"task=manifest (data\.root=\S+|'data\.root=[^']+') pattern='([^']+)'")
+
+
+def patterns(text, root):
+    """The patterns of commands in a sentence, whose folder is the one meant after a shell."""
+    found = COMMAND.findall(text)
+    assert {shlex.split(folder)[0] for folder, _ in found} == {f"data.root={root}"}
+    return [pattern for _, pattern in found]
+
+
+def read_as_told(root, text):
+    """Labels and groups by each of the patterns that a sentence tells."""
+    tables = [read_names(root, pattern)[0] for pattern in patterns(text, root)]
+    return [sorted({f"{row.label} {row.group}" for row in table}) for table in tables]
+
+
+def crossed(*levels, ending="1.wav"):
+    names = [""]
+    for level in levels:
+        names = [f"{name}{each}/" for name in names for each in level.split()]
+    return [f"{name}{ending}" for name in names]
+
+
+@pytest.mark.parametrize(
+    ("files", "told"),
+    [
+        (crossed("s1 s2", "oak elm"), ["elm s1", "elm s2", "oak s1", "oak s2"]),
+        (crossed("2024-05-01 2024-05-12", "oak elm", "haptic"),
+         ["elm 2024-05-01", "elm 2024-05-12", "oak 2024-05-01", "oak 2024-05-12"]),
+        (crossed("oak elm", "day1 day2"), ["elm day1", "elm day2", "oak day1", "oak day2"]),
+        (crossed("oak elm", "data"), ["elm elm/data/1", "oak oak/data/1"]),
+        (crossed("set", "oak elm"), ["elm set/elm/1", "oak set/oak/1"]),
+        (crossed("p1 p2", "day1 day2", "oak elm"), ["elm p1", "elm p2", "oak p1", "oak p2"]),
+        (crossed("oak elm", "raw filtered"), ["elm elm/raw/1", "oak oak/raw/1"]),
+        (crossed("oak elm", "train test"),
+         ["elm elm/test/1", "elm elm/train/1", "oak oak/test/1", "oak oak/train/1"]),
+        (crossed("results", "elm") + crossed("s1 s2", "oak elm"),
+         ["elm results", "elm s1", "elm s2", "oak s1", "oak s2"]),
+    ],
+)  # fmt: skip
+def test_folders_that_are_told_apart(tmp_path, files, told):
+    root = touch(tmp_path / "my data", *files)
+    text = advise(root, [root / file for file in files])
+    assert read_as_told(root, text) == [told]
+
+
+def test_both_readings_are_told_of_folders_that_nothing_tells_apart(tmp_path):
+    files = crossed("ann bob", "oak elm")
+    rows = read_folder(touch(tmp_path, *files)).rows  # as senses, which no model has
+    (text,) = hint(str(tmp_path), rows)
+    assert text.startswith("If ann, bob are the classes, run task=manifest")
+    assert read_as_told(tmp_path, text) == [
+        ["ann elm", "ann oak", "bob elm", "bob oak"],
+        ["elm ann", "elm bob", "oak ann", "oak bob"],
+    ]
+    assert hint(str(touch(tmp_path / "b", "oak/1.csv")), read_folder(tmp_path / "b")) == []
+    assert hint(None, rows) == []
+
+
+@pytest.mark.parametrize(
+    ("tops", "pattern"),
+    [("train test", "{split}/{label}_{group}.wav"), ("raw filtered", "raw/{label}_{group}.wav")],
+)
+def test_parts_and_versions_in_the_place_of_classes_are_refused(tmp_path, tops, pattern):
+    touch(tmp_path, *crossed(tops, ending="oak_1.wav"), "results/1.csv")
+    with pytest.raises(UserError, match="in the place of classes; run") as caught:
+        read_folder(tmp_path)
+    assert patterns(str(caught.value), tmp_path) == [pattern]
+
+
+def test_folders_beside_the_classes_that_are_none_are_left_out_and_told(tmp_path):
+    touch(tmp_path, *crossed("oak elm results Test"), "code/a.py", "backup/oak/1.wav", "ash/1.wav")
+    table = read_folder(tmp_path)
+    assert table.classes == ["ash", "elm", "oak"]
+    left = [note.partition(" is left out")[0] for note in table.notes]
+    assert left == [f"{tmp_path}/{name}" for name in ("Test", "backup", "results")]
+    assert read_folder(touch(tmp_path / "two", "oak/1.wav", "test/1.wav")).classes == [
+        "oak",
+        "test",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("names", "kept", "other"),
+    [
+        ("1_raw.csv 1_filtered.csv 2_raw.csv 2_filtered.csv", "1_raw.csv 2_raw.csv", "*filtered*"),
+        ("1.csv 1-resampled.csv 2.csv", "1.csv 2.csv", "*resampled*"),
+        ("a.jpg a_thumb.jpg b.jpg", "a.jpg b.jpg", "*thumb*"),
+        ("1.wav|1 - Copy.wav|Copy of 2.wav|2.wav", "1.wav 2.wav", "*Copy*"),
+        ("raw_1.wav raw_2.wav", "raw_1.wav raw_2.wav", ""),
+        ("1.wav|1 (1).wav|1 (2).wav", "1 (1).wav|1 (2).wav|1.wav", ""),
+    ],
+)
+def test_versions_of_a_recording_are_one_recording(tmp_path, names, kept, other):
+    def divided(text):
+        return text.split("|" if "|" in text else None)
+
+    touch(tmp_path, *(f"oak/{name}" for name in divided(names)))
+    table = read_folder(tmp_path)
+    assert sorted(row.path.name for row in table) == divided(kept)
+    assert [other in note for note in table.notes] == [True] * bool(other)
+    if other:
+        (pattern,) = patterns(table.notes[0], tmp_path)
+        taken = {row.path.name for row in read_names(tmp_path, pattern)[0]}
+        assert taken == {n for n in divided(names) if other.strip("*") in n}
+        everything = read_names(tmp_path, "{label}/*")[0]
+        assert [row.path.name for row in everything] == [row.path.name for row in table]
+
+
+def test_files_of_one_name_in_two_formats_are_one_group(tmp_path):
+    table = read_folder(touch(tmp_path, "oak/1.wav", "oak/1.csv", "oak/2.wav"))
+    assert [(row.path.name, row.group) for row in table] == [
+        ("1.csv", "oak/0"), ("1.wav", "oak/0"), ("2.wav", "oak/1")
+    ]  # fmt: skip
+    assert "1 recordings are there in two formats" in table.notes[0]
+
+
+def test_a_class_in_a_folder_of_its_own_name_is_read(tmp_path):
+    table = read_folder(touch(tmp_path, "oak/Oak/1.wav", "oak/.DS_Store", "elm/1.wav"))
+    assert [(row.label, row.path.name) for row in table] == [("elm", "1.wav"), ("oak", "1.wav")]
+    assert table.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("files", "told"),
+    [
+        (crossed("oak_1 oak_2 elm_1 elm_2", "haptic"), ["elm 1", "elm 2", "oak 1", "oak 2"]),
+        (crossed("P1 P2", ending="oak_1.wav") + crossed("P1 P2", ending="elm_1.wav"),
+         ["elm P1", "elm P2", "oak P1", "oak P2"]),
+        (crossed("oak_1 elm_2"), None),
+        (crossed("Version1 Version2"), None),
+        (crossed("oak_1 oak_2 ash"), None),
+    ],
+)  # fmt: skip
+def test_classes_that_may_be_sessions_are_told(tmp_path, files, told):
+    notes = read_folder(touch(tmp_path, *files)).notes
+    assert [read_as_told(tmp_path, note) for note in notes] == ([] if told is None else [[told]])
+
+
+LABELS = 'File;Material\n"1";oak\n2.wav;elm\n'
+
+
+def test_a_table_of_labels_is_told_and_read(tmp_path):
+    root = touch(tmp_path, "data/1.wav", "data/2.wav")
+    (root / "labels.csv").write_text(LABELS)
+    (text,) = hint(str(root), read_folder(root))
+    command = f"data=manifest data.manifest={root}/labels.csv"
+    assert text == f"The table labels.csv names recordings and their classes; {command} reads it."
+    assert (
+        "Classes are the names of folders, but the table labels.csv" in read_folder(root).notes[0]
+    )
+    table = read_manifest(root / "labels.csv")
+    assert [(row.label, row.modality, row.path.name, row.group) for row in table] == [
+        ("oak", "haptic", "1.wav", 1), ("elm", "haptic", "2.wav", 2)
+    ]  # fmt: skip
+    assert ["no column modality" in table.notes[0], "no column group" in table.notes[1]] == [
+        True
+    ] * 2
+    touch(root, "1.wav")
+    assert read_manifest(root / "labels.csv").rows[0].path.name == "1"  # two have that name
+    flat = touch(tmp_path / "flat", "1.wav", "2.wav")
+    (flat / "labels.csv").write_text(LABELS)
+    with pytest.raises(UserError, match="no folder for each class, but the table labels"):
+        read_folder(flat)
+
+
+def test_a_table_that_agrees_with_the_folders_is_not_told(tmp_path):
+    root = touch(tmp_path, "oak/1.wav", "elm/2.wav")
+    (root / "labels.csv").write_text(LABELS)
+    (root / "huge.txt").write_text("file,label\n" + "x" * 2_000_000)
+    assert read_folder(root).notes == ()
+
+
+def test_flat_files_are_told_by_the_mark_that_all_names_have(tmp_path):
+    with pytest.raises(UserError, match=r"pattern='\{label\}-\{group\}\.wav', and train"):
+        read_folder(touch(tmp_path, "red_oak-1.wav", "elm-1.wav", "README.txt"))

@@ -1,0 +1,274 @@
+"""What folders and names above and beside recordings mean, where they are not those of classes.
+
+Folders of people, sessions or days above or below the classes, parts such as ``train``, versions
+such as ``raw`` and ``filtered``, a table of labels: what is in doubt is told, with the command that
+reads it.
+"""
+
+import re
+import shlex
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from tex_lightning.data.manifest import names_recordings
+from tex_lightning.data.recordings import MODALITIES, Recording, Recordings, is_hidden, sense_called
+from tex_lightning.errors import UserError, listed
+
+SPLITS = {"train", "training", "val", "valid", "validation", "test", "testing", "eval"}
+ASIDE = SPLITS | {  # folders that are no classes, by their names
+    "unlabelled", "unlabeled", "results", "result", "output", "outputs", "predictions", "figures",
+    "plots", "code", "src", "scripts", "notebooks", "models", "checkpoints", "logs", "docs",
+    "backup", "backups", "__pycache__", "__macosx",
+}  # fmt: skip
+PLAIN = {"raw", "original", "originals", "orig", "unfiltered"}
+VERSIONS = PLAIN | {  # of one recording
+    "filtered", "filt", "lowpass", "highpass", "bandpass", "smoothed", "denoised", "cleaned",
+    "processed", "preprocessed", "normalized", "normalised", "resampled", "downsampled", "cropped",
+    "trimmed", "augmented", "aug", "resized", "thumb", "thumbs", "thumbnail", "edited", "copy",
+    "kopie", "bak",
+}  # fmt: skip
+SENSOR = re.compile(
+    r"(?<![a-z])(?:acc|accel[a-z]*|gyro[a-z]*|mag|magnet[a-z]*|gravity|orientation|force|torque|pressure"
+    r"|temp|temperature|audio|sound|mic|microphone|haptic|tactile|vibration|rgb|depth|mask)(?![a-z])",
+    re.IGNORECASE,
+)  # in the names of files beside each other
+NUMBER = re.compile(r"(.*[^\W\d].*)[\W_](\d+)")  # of a session behind the name of a class
+SEPARATORS = "_- "
+
+
+def by_pattern(root: Path, *patterns: tuple[Sequence[str], str]) -> str:
+    """Say how a manifest is made by one of several patterns, each with the classes that it gives.
+
+    Args:
+        root: The folder.
+        patterns: The classes, empty where they are not in doubt, and the pattern.
+    """
+    folder = shlex.quote(f"data.root={root}")
+    told = [
+        f"{f'if {listed(classes)} are the classes, ' if classes else ''}run task=manifest {folder} "
+        f"pattern='{pattern}'"
+        for classes, pattern in patterns
+    ]
+    return f"{'; '.join(told)}, and train with data=manifest"
+
+
+def advise(root: Path, paths: Sequence[Path], name: str = "*") -> str:
+    """Say how recordings are read whose folders are not those of classes and senses alone.
+
+    Args:
+        root: Folder of the data set.
+        paths: Some of the recordings.
+        name: Pattern of their names.
+    """
+    for table in tables_of_labels(root):
+        if {row.path for row in table} & {path.resolve() for path in paths}:
+            return table.notes[-1]
+    folders = {path: path.relative_to(root).parts[:-1] for path in paths}
+    kept = {p: f for p, f in folders.items() if not f or f[0].casefold() not in ASIDE - SPLITS}
+    plain = [
+        [part for part in parts if not _is_sense(part)] for parts in (kept or folders).values()
+    ]
+    depth = max(map(len, plain))
+    levels = [[*dict.fromkeys(each[n] for each in plain if len(each) > n)] for n in range(depth)]
+    deepest = next(p for p, each in zip(kept or folders, plain, strict=True) if len(each) == depth)
+    suffixes = {path.suffix for path in paths}
+    ending = f"{name}{deepest.suffix if len(suffixes) == 1 else '' if name == '*' else '*'}"
+    patterns = []
+    for at in _levels_of_classes(levels):
+        tokens = iter(_tokens(levels, at))
+        parts = [_sense_token(p) if _is_sense(p) else next(tokens) for p in folders[deepest]]
+        end = ending if at is not None else f"{{label}}_{{group}}{ending.removeprefix(name)}"
+        patterns.append((levels[at] if at is not None else [], "/".join([*parts, end])))
+    return by_pattern(root, *(patterns if len(patterns) > 1 else [((), patterns[0][1])]))
+
+
+def hint(root: str | None, rows: Iterable[Recording]) -> list[str]:
+    """Say how recordings in folders of no sense may be read, if there are any in a folder."""
+    if root is None:
+        return []
+    folder = Path(root).expanduser()
+    paths = [row.path for row in rows if row.path.is_relative_to(folder)]
+    deep = [
+        p for p in paths if sum(not _is_sense(part) for part in p.relative_to(folder).parts) > 2
+    ]
+    text = advise(folder, deep or paths) if paths else ""
+    return [f"{text[:1].upper()}{text[1:]}."] if deep or text.startswith("the table") else []
+
+
+def _levels_of_classes(levels: Sequence[Sequence[str]]) -> list[int | None]:
+    """Return the levels of folders that may be the classes; None where only names of files may.
+
+    Names that differ in numbers alone are people, sessions or days rather than classes.
+    """
+    free = [n for n, names in enumerate(levels) if not _are(names, SPLITS) | _are(names, VERSIONS)]
+    several = [n for n in free if len(levels[n]) > 1]
+    first = [] if levels and len(levels[0]) == 1 else several
+    found = [n for n in several if not _are_numbered(levels[n])] or first or free[:1]
+    return [*found] or [None]
+
+
+def _tokens(levels: Sequence[Sequence[str]], classes: int | None) -> list[str]:
+    """Return the part of a pattern that stands for each level of folders."""
+    tokens = []
+    for at, names in enumerate(levels):
+        if at == classes:
+            token = "{label}"
+        elif _are(names, SPLITS):
+            token = "{split}"
+        elif _are(names, VERSIONS):
+            token = min(names, key=lambda name: name.casefold() not in PLAIN)
+        else:
+            said = "{group}" not in tokens and (len(names) > 1 or _are_numbered(names))
+            token = "{group}" if said else "*"
+        tokens.append(token)
+    return tokens
+
+
+def _are(names: Sequence[str], known: set[str]) -> bool:
+    return bool(names) and {name.casefold() for name in names} <= known
+
+
+def _are_numbered(names: Sequence[str]) -> bool:
+    """Return whether names differ in numbers alone, such as ``P01`` and ``P02`` or dates."""
+    return len({re.sub(r"\d+", "#", name.casefold()) for name in names} - {*names}) == 1 and all(
+        re.search(r"\d", name) for name in names
+    )
+
+
+def _is_sense(part: str) -> bool:
+    return sense_called(part.casefold()) in MODALITIES
+
+
+def _sense_token(part: str) -> str:
+    return "{modality}" if part in MODALITIES else "*"
+
+
+def tables_of_labels(root: Path) -> Iterable[Recordings]:
+    """Yield the tables in a folder that name recordings and their classes, noting how to read."""
+    for path in sorted(root.glob("*")):
+        if not is_hidden(path, root) and (table := names_recordings(path)) is not None:
+            note = (
+                f"the table {path.name} names recordings and their classes; "
+                f"data=manifest {shlex.quote(f'data.manifest={path}')} reads it"
+            )
+            yield Recordings(table.rows, (*table.notes, note))
+
+
+def flat_pattern(paths: Sequence[Path]) -> str:
+    """Return a pattern for the names of files that lie in one folder: class, separator, number."""
+    stems = [path.stem for path in paths]
+    marks = (mark for mark in SEPARATORS if all(mark in stem for stem in stems))
+    suffixes = {path.suffix for path in paths}
+    ending = paths[0].suffix if len(suffixes) == 1 else ".*"
+    return f"{{label}}{next(marks, '_')}{{group}}{ending}"
+
+
+def check_sensors(root: Path, rows: Sequence[Recording]) -> None:
+    """Reject files of several sensors of one recording, which would be recordings of their own.
+
+    Raises:
+        UserError: Naming two whose names differ in words such as ``acc`` and ``gyro``.
+    """
+    seen: dict[object, Path] = {}
+    for row in rows:
+        key = (
+            row.modality,
+            row.label,
+            row.conditions,
+            row.path.with_name(SENSOR.sub("*", row.path.name)),
+        )
+        first = seen.setdefault(key, row.path)
+        word = SENSOR.search(first.name)
+        if first != row.path and word:
+            raise UserError(
+                f"{first} and {row.path.name} are of two sensors by their names; write the columns "
+                "of one recording into one file, or choose a sensor: "
+                f"{advise(root, [first], f'*{word[0]}*')}."
+            )
+
+
+def without_versions(root: Path, rows: Sequence[Recording]) -> Recordings:
+    """Leave out further versions of recordings, such as ``1_filtered.csv`` beside ``1_raw.csv``.
+
+    Returns:
+        Of each recording the version without such a word, or else the raw one; a note names others.
+    """
+    versions: dict[object, dict[frozenset[str], list[Recording]]] = defaultdict(dict)
+    for row in rows:
+        words = re.findall(
+            r"[^\W_]+", row.path.relative_to(root).with_suffix("").as_posix().casefold()
+        )
+        said = frozenset(words) & VERSIONS
+        plain = tuple(word for word in words if word not in {*said, *(["of"] if said else [])})
+        same = versions[row.label, row.modality, row.conditions, plain]
+        same.setdefault(said, []).append(row)
+    left: set[Recording] = set()
+    for same in versions.values():
+        kept = min(same, key=lambda said: (bool(said), not said & PLAIN, sorted(said)))
+        left.update(row for said, several in same.items() if said != kept for row in several)
+    table = Recordings(tuple(row for row in rows if row not in left))
+    if not left:
+        return table
+    first = next(row for row in rows if row in left)
+    word = next(
+        w
+        for w in re.findall(r"[^\W_]+", first.source[len(str(root)) :])
+        if w.casefold() in VERSIONS
+    )
+    note = (
+        f"{len(left)} files are left out as versions of recordings beside them by their names, "
+        f"such as {first.path}; to take them instead, {advise(root, [first.path], f'*{word}*')}."
+    )
+    return Recordings(table.rows, (note,))
+
+
+def doubts(root: Path, rows: Sequence[Recording]) -> list[str]:
+    """Return what is in doubt of a table that was read from folders of classes."""
+    return [*_labels_otherwise(root, rows), *_formats(rows), *_sessions_as_classes(root, rows)]
+
+
+def _labels_otherwise(root: Path, rows: Sequence[Recording]) -> Iterable[str]:
+    labels = {row.path.resolve(): row.label for row in rows}
+    for table in tables_of_labels(root):
+        if any(labels.get(row.path, row.label) != row.label for row in table):
+            yield f"Classes are the names of folders, but {table.notes[-1]}, and it has others."
+
+
+def _formats(rows: Sequence[Recording]) -> list[str]:
+    """Say which files have one name and two suffixes, and are in one group for it."""
+    names: dict[object, list[Path]] = defaultdict(list)
+    for row in rows:
+        names[row.modality, row.path.with_suffix("")].append(row.path)
+    twice = [paths for paths in names.values() if len(paths) > 1]
+    if not twice:
+        return []
+    one, other = twice[0][:2]
+    return [
+        f"{len(twice)} recordings are there in two formats by their names, {one} and {other.name} "
+        "for one; they are in one group, but delete one format if both hold the same."
+    ]
+
+
+def _sessions_as_classes(root: Path, rows: Sequence[Recording]) -> list[str]:
+    """Say where folders read as classes may be sessions, by numbers in their names."""
+    names = sorted({row.label for row in rows})
+    found = [match for name in names if (match := NUMBER.fullmatch(name))]
+    stems = {match[1]: 0 for match in found}
+    path = next((row.path for row in rows), root)
+    inside = "".join(f"{_sense_token(part)}/" for part in path.relative_to(root).parts[1:-1])
+    if 1 < len(stems) <= len(found) / 2 and len(found) == len(names):
+        mark = names[0][found[0].end(1)]
+        pattern = f"{{label}}{mark}{{group}}/{inside}*{path.suffix}"
+        return [
+            f"{listed(names)} are classes of their own; {by_pattern(root, ([*stems], pattern))}."
+        ]
+    heads: dict[str, set[str]] = defaultdict(set)
+    for row in rows:
+        heads[row.label].add(row.path.stem.rpartition("_")[0])
+    shared = {frozenset(each) for each in heads.values()}
+    if len(names) > 1 and len(shared) == 1 and len(*shared) > 1 and _are_numbered(names):
+        pattern = f"{{group}}/{inside}{{label}}_*{path.suffix}"
+        said = by_pattern(root, (sorted(*shared), pattern))
+        return [f"{listed(names)} are read as the classes; {said}."]
+    return []
