@@ -33,13 +33,14 @@ TIMES = {  # one of them makes a column one of time
     "時間", "время", "시간",
 }  # fmt: skip
 OF_TIME = {  # a name is one of time if all of its words are such
-    *TIMES, *UNITS, "t", "date", "clock", "stamp", "unix", "ts", "since", "start", "stop", "boot",
-    "utc",
+    *TIMES, *UNITS, "t", "date", "clock", "stamp", "unix", "ts", "since", "start", "stop", "end",
+    "boot", "utc",
     "system", "relative", "rel", "header", "field", "local",
 } - {"s", "d", "h", "min"}  # fmt: skip
+STEPS = {"dt", "delta", "diff", "difference"}  # between samples
 NO_TIMES = {
-    "flight", "constant", "delta", "diff", "dt", "exposure", "integration", "response", "width",
-    "pulse", "delay", "lag", "latency", "period",
+    "flight", "constant", "exposure", "integration", "response", "width", "pulse", "delay", "lag",
+    "latency", "period", *STEPS,
 }  # fmt: skip
 INDICES = {  # may begin anew, and several samples may have one number
     "index", "idx", "counter", "cnt", "seq", "sequence", "packet", "packets", "packetcounter",
@@ -48,12 +49,22 @@ COUNTS = {  # go up by the same number if they are no measurement
     "number", "num", "no", "nr", "count", "counts", "n", "i", "sample", "samples", "row", "rows",
     "line", "frame", "frames", "record", "step", "point",
 }  # fmt: skip
-DATES = {"date", "datum", "year", "month", "day"}  # whole numbers
+DATES = {"date", "datum", "year", "month", "week", "gpsweek", "day"}  # whole numbers
 STATES = {  # few whole numbers so called are no measurement
     "label", "labels", "class", "target", "activity", "category", "annotation", "groundtruth",
     "surface", "material", "terrain", "texture", "user", "subject", "participant", "person",
     "trial", "session", "run", "group", "fold", "experiment", "series", "measurement", "event",
     "marker", "repetition", "rep", "block", "table", "fs", "odr",
+}  # fmt: skip
+FLAGS = {  # the same, if one of the words is such
+    "status", "state", "flag", "flags", "valid", "validity", "quality", "accuracy", "alarm",
+    "trigger",
+}  # fmt: skip
+HOUSEKEEPING = {  # of a device or its radio
+    "rssi", "battery", "batt", "vbat", "crc", "checksum", "chksum", "cksum", "chk", "xor",
+}  # fmt: skip
+SLOW = {  # beside a signal
+    "temp", "temperature", "tmp", "humidity", "latitude", "longitude", "altitude",
 }  # fmt: skip
 SENSORS = {"sensor", "channel", "node", "device", "imu", "axis", "source", "address"}
 IDS = {"id", "ids", "uid", "uuid", "guid"}
@@ -65,7 +76,7 @@ FEW, FULL = 10, 0.99  # recordings that a counter may number; share at which it 
 MIN_RISING = 8  # samples; fewer numbers may rise by chance
 OFTEN = 0.1  # of the samples, at which a label or text changes if rows take turns
 USUAL = 0.9  # of the steps of a counter, which may begin anew or miss some
-GLUED = ("time", "timestamp", "zeit")  # unixtime
+GLUED = ("time", "timestamp", "zeit", "gpstow")  # unixtime
 UNNAMED = re.compile(r"(unnamed: \d+(_level_\d+)?(\.\d+)?)?")
 
 
@@ -93,6 +104,11 @@ class Column:
     def is_stamp(self) -> bool:
         """Whether its cells are dates or clock times."""
         return self.is_text and _is(STAMP, self.values.iloc[0])
+
+    @property
+    def kin(self) -> tuple[str, ...]:
+        """The words of its name without numbers, which those of like sensors have in common."""
+        return tuple(w for w in self.words if not w.isdigit()) if self.named else (self.name,)
 
     @property
     def has_fractions(self) -> bool:
@@ -126,7 +142,7 @@ class Column:
         rises = ((steps >= 0).all() and steps.any()) or (steps > 0).sum() > USUAL * len(steps)
         return bool(rises) and (
             (first and not {*UNITS}.isdisjoint(units or {u for u in last if len(u) > 1}))
-            or any(word.endswith(GLUED) for word in words)
+            or any(word.endswith(GLUED) for word in ("".join(self.words), *words))
             or (units <= {*UNITS} if alone else bool(words) and words - last <= OF_TIME)
         )
 
@@ -139,17 +155,19 @@ class Column:
             return "id"
         if words & {"label", "labels"}:
             return "label"
+        if words & HOUSEKEEPING:
+            return "housekeeping"
         if self.is_text:
             return "" if self.fault else "date" if self.is_stamp else "text"
         if not self.named:
             return ""
-        if words & {"dt"} or ({"delta"} < words and words <= OF_TIME | {"delta", "s"}):
+        if "dt" in words or (words & STEPS and len(words) > 1 and words <= OF_TIME | STEPS | {"s"}):
             return "steps of time"
-        if words and words <= DATES and self._is_whole():
+        if words & DATES and words <= {*DATES, "gps", "of"} and self._is_whole():
             return "date"
-        few = max(1, len(self.values) // 10)
-        if words and words <= STATES and self._is_whole() and self.values.nunique() <= few:
-            return "label"
+        few, states = max(1, len(self.values) // 10), words and words <= STATES
+        if (states or words & FLAGS) and self._is_whole() and self.values.nunique() <= few:
+            return "label" if states else "state"
         return "counter" if self._counts() else ""
 
     @property
@@ -197,13 +215,19 @@ class Column:
     def _is_whole(self) -> bool:
         return self.values.dtype.kind in "iu" or bool((self.values % 1 == 0).all())
 
+    @property
+    def by_one(self) -> bool:
+        """Whether whole numbers go up one by one, but for some that miss or begin anew."""
+        steps = np.diff(np.asarray(self.values, np.float64))
+        return len(steps) > MIN_RISING and bool((steps == 1).mean() > USUAL) and self._is_whole()
+
     def _counts(self) -> bool:
         """Whether whole numbers count samples: by their name, or one by one without a unit."""
         words = {*self.words}
         index = bool(words & INDICES) or "sequence" in self.units
         called = words & COUNTS and words <= COUNTS | STATES | {"of", "sub", "logging"}
         steps = np.diff(np.asarray(self.values, np.float64))
-        by_one = len(steps) > MIN_RISING and bool((steps == 1).all()) and not self.units
+        by_one = self.by_one and not self.units
         if not (index or called or by_one or self.name == "#") or not self._is_whole():
             return False
         if index or by_one:
@@ -255,7 +279,8 @@ class Column:
                 return UNITS[unit]
             if not NO_UNITS.fullmatch(unit) and not {*split_words(unit)} <= OF_TIME:
                 raise ask_unit(self.name, f"whose unit {unit!r} is not known")
-        return next((UNITS[word] for word in reversed(self.words) if word in UNITS), None)
+        words = self.words[: (*self.words, "of").index("of")]  # seconds of the day
+        return next((UNITS[word] for word in reversed(words) if word in UNITS), None)
 
 
 def split_words(name: str) -> tuple[str, ...]:

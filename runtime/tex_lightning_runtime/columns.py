@@ -9,12 +9,21 @@ from itertools import pairwise
 
 import numpy as np
 
-from tex_lightning_runtime.column import IDS, MIN_RISING, SENSORS, TIMES, Column, missing, rising
+from tex_lightning_runtime.column import IDS, MIN_RISING, SENSORS, SLOW, TIMES, Column, missing
 from tex_lightning_runtime.samples import Array, Channels
-from tex_lightning_runtime.times import DAY, EVEN, HOUR, UNITS, Even, TableError, even_samples
+from tex_lightning_runtime.times import (
+    DAY,
+    EVEN,
+    HOUR,
+    NOMINAL,
+    UNITS,
+    Even,
+    TableError,
+    even_samples,
+)
 
 TURNS = {HOUR: DAY, 60.0: HOUR}  # seconds after which hours and minutes begin anew
-NOMINAL = 0.1  # by which sensors differ from their rate
+IDLE, LIVELY = 0.75, 0.5  # shares of samples that equal the one before: of states, of signals
 
 
 @dataclass(frozen=True)
@@ -81,7 +90,11 @@ def separate(
             found = found._replace(notes=(*found.notes, f"{told} Hz, which count"))
     names = tuple(column.name for column in axes) if axes[0].named else ()
     cut = [] if rows.all() else [f"{(~rows).sum()} lines without numbers in its axes are left out"]
-    notes = (*cut, *(_warned(axes) if times is None else ()), *_joined(columns), *found.notes)
+    warned = [
+        *(_warned(axes) if times is None else ()),
+        *(_unlike(axes) if channels is None else ()),
+    ]
+    notes = (*cut, *warned, *_joined(columns), *found.notes)
     return found.samples, found.rate or None, Reading(names, said, left, notes)
 
 
@@ -107,12 +120,31 @@ def _divided(
 
 
 def _warned(axes: list[Column]) -> list[str]:
-    """Say of the first axis that rises evenly that it was not taken for time."""
+    """Say of the first axis that rises all the time that it was not taken for time."""
     for axis in axes:
-        if rising(np.asarray(axis.values)):
-            how = "if it is time, call it time_s or time_ms"
-            return [f"{_title(axis)} rises evenly and is read as an axis; {how}"]
+        steps = np.diff(np.asarray(axis.values))
+        if len(steps) > MIN_RISING and (steps > 0).all():
+            how = "if it is time, call it time_s or time_ms in the line of names"
+            return [f"{_title(axis)} rises at every sample and is read as an axis; {how}"]
     return []
+
+
+def _unlike(axes: list[Column]) -> list[str]:
+    """Say how to leave out axes that by name or values are no signal, beside others that are."""
+    still = [(np.diff(axis.values, prepend=np.nan) == 0).mean() for axis in axes]
+    slow = [not SLOW.isdisjoint(axis.words) or axis.by_one for axis in axes]
+    signals = {axis.kin for n, axis in enumerate(axes) if still[n] < LIVELY and not slow[n]}
+    found = [
+        n for n, axis in enumerate(axes)
+        if (slow[n] or still[n] > IDLE) and axis.kin not in signals
+    ]  # fmt: skip
+    if not signals or not found:
+        return []
+    names = ", ".join(_title(axes[n]) for n in found)
+    kept = ",".join(str(n) for n in range(len(axes)) if n not in found)
+    return [
+        f"read as axes, though unlike a signal: {names}; data.channels=[{kept}] leaves them out"
+    ]
 
 
 def _joined(columns: list[Column]) -> list[str]:
@@ -150,7 +182,7 @@ def _time(
         except TableError as error:
             failed.append(error)
     if seconds:
-        time = min(seconds, key=lambda column: _repeated(seconds[column]))
+        time = min(seconds, key=lambda column: _unevenness(seconds[column]))
         _check_agreement(seconds, time)
         return time, seconds[time], [c for c in (*candidates, *broken) if c is not time]
     if failed and not rate:
@@ -168,17 +200,25 @@ def _check_agreement(seconds: Mapping[Column, Array], time: Column) -> None:
     """Reject columns of other times than those that are taken, as two sensors side by side have."""
     for column, times in seconds.items():
         ends = times[-1], seconds[time][-1]
-        if not _repeated(times) and not math.isclose(*ends, rel_tol=NOMINAL):
+        repeated, _ = _unevenness(times)
+        coarse = 2 * np.diff(times).max() if repeated else 0.0
+        known = repeated < len(times) - MIN_RISING
+        if known and not math.isclose(*ends, rel_tol=NOMINAL, abs_tol=coarse):
             raise TableError(
                 f"has {ends[0]:.4g} s in {_title(column)} and {ends[1]:.4g} s in {_title(time)}; "
                 "write each with its columns into a file of its own, or delete one of both"
             )
 
 
-def _repeated(times: Array) -> float:
-    """Return how many of some times are no later than those before; infinite if any is earlier."""
+def _unevenness(times: Array) -> tuple[float, bool]:
+    """Return how many times repeat, infinite if any is earlier, and whether steps usually differ.
+
+    A sensor's own stamps are even; those of arrival are not.
+    """
     steps = np.diff(times)
-    return float((steps == 0).sum()) if (steps >= 0).all() else math.inf
+    repeated = float((steps == 0).sum()) if (steps >= 0).all() else math.inf
+    step = float(np.median(steps)) if len(steps) else 0.0
+    return repeated, bool((np.abs(steps - step) > EVEN * step).sum() > LIVELY * len(steps))
 
 
 def _fractions(columns: list[Column]) -> dict[Column, Array]:

@@ -2,29 +2,35 @@
 
 import re
 from collections.abc import Sequence
+from math import isclose
 
-from tex_lightning_runtime.cells import POINTS, THOUSANDS, WHOLE, Dialect, Kinds, kind
-from tex_lightning_runtime.column import TIMES, split_words
+from tex_lightning_runtime.cells import POINTS, THOUSANDS, WHOLE, Dialect, Kinds, decimal_mark, kind
+from tex_lightning_runtime.column import TIMES, UNNAMED, split_words
 from tex_lightning_runtime.resampling import MAX_RATE, MIN_RATE
-from tex_lightning_runtime.times import EPOCH, UNITS, TableError
+from tex_lightning_runtime.times import EPOCH, NOMINAL, UNITS, TableError
 
 FOOTER = 10  # lines below the numbers
+FACTOR = re.compile(r"\d(?:\.\d+)?e[-+]?\d+ \*", re.IGNORECASE)  # of MATLAB
+DIVIDED = re.compile(r"\b(?:decimat|downsampl)\w*\W+(?:[2-9]|\d\d)", re.IGNORECASE)
+FULL_SCALE = re.compile(r"m?g|[mk]?[vn]|pa|dps", re.IGNORECASE)
 ROUND = 25  # Hz, of which a rate that nothing calls so is a multiple
 COMMENT = re.compile(r"^[ \t]*(?:#|%|//)[#%/ \t]*")
 AMOUNT = r"[\"']?[ \t:=,;]+[\"']?\+?(?P<value>\.?\d[\d.,]*(?:e[-+]?\d+)?)[\"']?[ \t,;(]*"
 SAMPLING = r"(?:samp\w*|update|output(?:[ _-]data)?|acquisition|meas\w*|scan|log\w*)"
+HERTZ = "k?hz|ks/s|k?sps|s/s"
 RATE = re.compile(
     rf"(?:\bfs|\bodr|(?<!max[ .])(?<!imum )\b{SAMPLING}[ _-]?(?:rate|freq\w*)"
     r"|\b(?:abtast|mess)(?:rate|frequenz)|^\W*(?:rate|frequency)|\bsamples[ _]?(?:per |/)s\w*"
-    r"|fr[eé][cq]u\w*\W+\w+\W+(?:échantillonnage|muestreo|campionamento|amostragem))"
-    rf"(?:[ ]*[(\[](?P<before>\w+/?\w*)[)\]])?{AMOUNT}(?P<unit>k?hz|ks/s|k?sps|s/s)?",
+    r"|fr[eé][cq]u\w*\W+\w+\W+(?:échantillonnage|muestreo|campionamento|amostragem)"
+    rf"|\b(?:samples|sampled|recorded|logged) at(?= *[\d.,]+ *(?:{HERTZ})))"
+    rf"(?:(?:[ ]*[(\[]|_(?=k?hz))(?P<before>\w+/?\w*)[)\]]?)?{AMOUNT}(?P<unit>{HERTZ})?",
     re.IGNORECASE,
 )
 PERIOD = re.compile(
     rf"(?:\bsampl\w*[ _-]?(?:period|time)|\b{SAMPLING}[ _-]?interval|\bdelta[ _]?[xt]|\bdt"
-    r"|\bts(?= *=)|^\W*in(?:crement|terval)"
+    r"|\babtast(?:intervall|zeit|periode)|\bperiod(?=_)|\bts(?= *=)|^\W*in(?:crement|terval)"
     r"|\b(?:[hxt]_?|x-axis |time |waveform )(?:inc\w*|delta|interval|step|resolution))"
-    rf"(?:[ ]*[(\[](?P<before>[µμ\w]+)[)\]])?{AMOUNT}(?P<unit>[mµμun]?s\b)?",
+    rf"(?:(?:[ ]*[(\[]|_(?=[mun]?s\b))(?P<before>[µμ\w]+)[)\]]?)?{AMOUNT}(?P<unit>[mµμun]?s\b)?",
     re.IGNORECASE,
 )
 SAMPLES = re.compile(r"\b(?:npts|samples|points)[\"' \t:=,;]+(\d+)\b|\b(\d+) samples\b", re.I)
@@ -68,8 +74,19 @@ def _are_names(cells: Sequence[str], columns: Kinds) -> bool:
         and not _are_settings(cells)
         and "text" in kinds
         and "stamp" not in kinds
-        and not any(re.search(r"\d[.,]\d", cell) for cell in cells)
+        and not any(re.search(r"\b\d+[.,]\d", UNNAMED.sub("", cell.casefold())) for cell in cells)
+        and not _are_values(cells, columns)
     )
+
+
+def _are_values(cells: Sequence[str], columns: Kinds) -> bool:
+    """Return whether whole numbers beside text are as those below, and do not count columns."""
+    numbers = {n: int(cell) for n, cell in enumerate(cells) if WHOLE.fullmatch(cell)}
+    for n, number in numbers.items() if len(cells) == len(columns.kinds) else ():
+        below = [int(row[n]) for row in columns.rows if WHOLE.fullmatch(row[n])]
+        if len(below) == len(columns.rows) and min(below) <= number <= max(below):
+            return [*numbers.values()] not in ([*range(k, len(numbers) + k)] for k in (0, 1))
+    return False
 
 
 def _are_settings(cells: Sequence[str]) -> bool:
@@ -89,7 +106,7 @@ def _read_other(line: str, cells: Sequence[str], columns: Kinds, notes: list[str
         return lone_rate(cells[0], columns.rows, notes)
     if stated_rate([line]):
         return None  # which is read with the other lines above
-    if sum(numbers) > 0.5 * len(cells):
+    if sum(numbers) > 0.5 * len(cells) or (any(numbers) and len(cells) == columns.count):
         notes.append(f"an incomplete line of numbers is left out: {line.strip()[:40]!r}")
     elif len(cells) > 1 and not any(numbers) and not _are_settings(cells):
         raise mismatch(len(cells), columns.count)
@@ -196,14 +213,37 @@ def lone_rate(cell: str, rows: Sequence[Sequence[str]], notes: list[str]) -> flo
     none of the numbers below.
     """
     value = _amount(cell)
-    if value is not None and MIN_RATE <= value <= MAX_RATE:
-        below = [abs(number) for row in rows for c in row if (number := _amount(c)) is not None]
-        power = value.is_integer() and int(value).bit_count() == 1
-        if (value % ROUND == 0 or power) and not min(below) <= value <= max(below):
-            return value
+    if is_rate(cell, rows):
+        return value
     told = f"; if it is the rate, write fs={cell}" if value and value >= MIN_RATE else ""
     notes.append(f"the line {cell!r} above the numbers is left out{told}")
     return None
+
+
+def rate_doubts(
+    lines: Sequence[str], rows: Sequence[Sequence[str]], rate: float | None
+) -> list[str]:
+    """Say of lines above the numbers that they may state another rate in Hz than is taken."""
+    if not rate:
+        told = "stands alone above the names; if it is the rate, give data.file_rate="
+        alone = (line for line in map(str.strip, lines) if is_rate(line, rows))
+        return [f"{line!r} {told}{line}" for line in alone]
+    told = f"may change the rate of {rate:,.6g} Hz; if it does, write fs=RATE in place of both"
+    return [
+        f"{line.strip()[:40]!r} {told}"
+        for line in lines
+        if DIVIDED.search(line) or not isclose(_stated(RATE, line) or rate, rate, rel_tol=NOMINAL)
+    ]
+
+
+def is_rate(cell: str, rows: Sequence[Sequence[str]]) -> bool:
+    """Return whether a number is round, as rates are, and none of the numbers below."""
+    value = _amount(cell)
+    if value is None or not MIN_RATE <= value <= MAX_RATE:
+        return False
+    below = [abs(number) for row in rows for c in row if (number := _amount(c)) is not None]
+    power = value.is_integer() and int(value).bit_count() == 1
+    return (value % ROUND == 0 or power) and not min(below) <= value <= max(below)
 
 
 def stated_rate(lines: Sequence[str]) -> float | None:
@@ -222,13 +262,18 @@ def _stated(how: re.Pattern[str], line: str) -> float | None:
     unit = (found["unit"] or found["before"] or "").replace("µ", "μ").casefold()
     if how is PERIOD:
         return 1 / (value * seconds) if (seconds := UNITS.get(unit or "s")) else None
+    if FULL_SCALE.fullmatch(unit or re.findall(r"^\w*", line[found.end() :])[0]):
+        return None  # FS: 4 g
     grouped = value < MIN_RATE and POINTS.fullmatch(found["value"])  # 1.000 Hz in Germany
     return value * (1000 if grouped or unit.startswith("k") else 1)
 
 
 def _amount(text: str) -> float | None:
-    plain = text.replace(",", "") if THOUSANDS.fullmatch(text) else text.replace(",", ".")
-    for each in (plain.rstrip("."), text.partition(",")[0]):  # of several columns
+    text = text.rstrip(".,")
+    decimal, group = (".", ",") if THOUSANDS.fullmatch(text) else decimal_mark([[text]])
+    plain = text.replace(group, "") if group else text
+    plain = plain.replace(decimal, ".")
+    for each in (plain, text.partition(",")[0]):  # of several columns
         try:
             return float(each)
         except ValueError:

@@ -16,6 +16,7 @@ from tex_lightning_runtime.cells import (
 )
 from tex_lightning_runtime.heading import (
     COMMENT,
+    FACTOR,
     SAMPLES,
     UNIT,
     is_beginning,
@@ -23,6 +24,7 @@ from tex_lightning_runtime.heading import (
     is_numbering,
     lone_rate,
     names_and_units,
+    rate_doubts,
     read_heading,
     stated_rate,
     with_statements,
@@ -195,9 +197,12 @@ def _with_heading(
     heading, rate = ([names], None) if names else read_heading(above, dialect, columns, notes)
     left = head[start : start + SAMPLE] if columns.empty else []  # of the numbers
     rate = rate or stated_rate([*above, *left])
+    if factor := next((line.strip() for line in above if FACTOR.fullmatch(line.strip())), ""):
+        raise TableError(f"has numbers that {factor!r} is to multiply; write them in full")
     count = SAMPLES.search("\n".join(above))
     if names and above and re.search(r"[:=]\s*[-+.\d]", above[-1]) and not rate:
         notes.append(f"an incomplete line of numbers is left out: {above[-1].strip()[:40]!r}")
+    notes += rate_doubts(above, columns.rows, rate)
     first = dialect.cells(head[start])
     if not heading and is_numbering(first, columns.rows):
         heading, start = [first], start + 1

@@ -31,8 +31,10 @@ UNITS: dict[str, float] = {  # in seconds
 EPOCH = (9e8, 4.2e9)  # seconds since 1970: 1998 to 2103
 DAY, HOUR = 86_400.0, 3600.0
 MIN_STAMPS = 5  # different ones that repeat; the rate by fewer may be off by a fifth
+NOMINAL = 0.1  # by which sensors differ from their rate
 EVEN = 0.01  # of a step, up to which samples stay as they are
 GAP = 2.5  # steps, above which samples are missing; times rounded to few digits reach 2
+UNEVEN = 0.25  # of the steps, which differ by half from the mean if samples are events
 LARGE_GAP = 10  # steps, from which on it is said
 MAX_FILLED = 2  # times as many samples, beyond which most of a recording would be made up
 SELDOM = 0.1  # of the samples, at which a clock begins anew
@@ -181,7 +183,12 @@ def even_samples(times: Array, samples: Array) -> Even:
             f"has times with gaps of up to {largest / step:,.0f} steps, so that most samples are "
             "missing; divide it there, or delete that column and give data.file_rate"
         )
-    if largest > LARGE_GAP * step:
+    if np.quantile(np.abs(steps - step), 1 - UNEVEN) > step / 2:
+        notes = (
+            f"its times are uneven, by {steps.min():.3g} to {largest:.3g} s; what is between is "
+            "filled with straight lines",
+        )
+    elif largest > LARGE_GAP * step:
         notes = (
             f"gaps in its times, the largest of {largest:.3g} s after sample {steps.argmax()}, are "
             "filled with straight lines",

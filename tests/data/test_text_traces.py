@@ -77,7 +77,7 @@ def test_without_a_name_of_time_what_rises_is_an_axis(tmp_path):
         trace, source, reading = SAME.decode(path)
         np.testing.assert_allclose(trace, [TIMES, *AXES], rtol=1e-5, atol=1e-9)
         assert (source, reading.rate_from) == (RATE, "data.file_rate")
-        assert "rises evenly and is read as an axis; if it is time" in reading.notes[0]
+        assert "rises at every sample and is read as an axis; if it is" in reading.notes[0]
 
 
 @pytest.mark.parametrize("lost", [[], [700, 701, 702, 3000], [*range(1000, 1300)]])

@@ -276,6 +276,42 @@ READ = {
         RATE,
     ),
     "steps of time": (table(["0.5"] * COUNT, *XYZ, names="delta_ms,x,y,z\n"), None),
+    "steps of time in words": (
+        table(["5", "6"] * (COUNT // 2), *XYZ, names="time diff in ms,x,y,z\n"), None
+    ),
+    "even times beside those of arrival": (
+        table(column(TIMES + RNG.uniform(0, 4e-4, COUNT), "{:.6f}"), times(1e6, "{:.0f}"), *XYZ,
+              names="host_time,uptime_us,x,y,z\n"), RATE
+    ),
+    "weeks of satellites and their seconds": (
+        table(["2417"] * COUNT, times(start=397_000), *XYZ, names="GPSWeek,GPSTOW,x,y,z\n"), RATE
+    ),
+    "seconds of the day": (
+        table(["127"] * COUNT, times(start=52_522), *XYZ, names="DayOfYear,SecondOfDay,x,y,z\n"),
+        RATE
+    ),
+    "German marks in a rate": ("Abtastrate: 2.000,00 Hz\nx;y;z\n" + table(*COMMAS, mark=";"), RATE),
+    "German interval": ("Abtastintervall: 0,5 ms\nx;y;z\n" + table(*COMMAS, mark=";"), RATE),
+    "a rate in a sentence": ("# 240 samples at 2000 Hz, 3 sensors\n" + table(*XYZ), RATE),
+    "a unit within the name of the rate": ("# sensor=A fs_hz=2000 range_g=8\n" + table(*XYZ), RATE),
+    "a unit within the name of the period": ("# period_us=500\n" + table(*XYZ), RATE),
+    "full scale, which is no rate": ("FS: 100 g\nSampling rate: 2000 Hz\n" + table(*XYZ), RATE),
+    # no signals
+    "upkeep of a device": (
+        table(times(), *XYZ, ["C3", "12", "E4", "A0"] * (COUNT // 4), ["-61", "-62"] * (COUNT // 2),
+              names="t,x,y,z,crc8,rssi_dbm\n"), RATE
+    ),
+    "states of a device": (
+        table(["7"] * 9 + ["8"] * (COUNT - 9), *XYZ, names="robot_state,x,y,z\n"), None
+    ),
+    "a counter of a byte that misses some": (
+        table(column(np.array([*range(100), *range(103, COUNT + 3)]) % 128, "{}"), *XYZ,
+              names="pkt,x,y,z\n"), None
+    ),
+    "an index of pandas, twice": (
+        table(COUNTER, column(np.array(NUMBERS) + 500, "{}"), *XYZ,
+              names="Unnamed: 0.1,Unnamed: 0,x,y,z\n"), None
+    ),
     # settings beside the table
     "settings left of it": (
         "".join(
@@ -594,6 +630,12 @@ REFUSED = {
         table(times(), X, times(2), Y, names="Time (s),x,Time 2 (s),y\n"),
         r"has 0.239 s in 'Time 2 \(s\)' and 0.1195 s in 'Time \(s\)'; write each with its columns",
     ),
+    "times that are none beside coarse ones": (
+        table(column(np.array(NUMBERS) // 24, "10:00:{:02d}"), times(), *XYZ,
+              names="Time,Time_ms,x,y,z\n"),
+        r"has 9 s in 'Time' and 0.0001195 s in 'Time_ms'; write each with its columns",
+    ),
+    "a factor above": ("   1.0e+03 *\n\n" + table(*XYZ, mark=" "), "'1.0e[+]03 [*]' is to mult"),
     "units of some cells": (
         table(times(), [f"{float(x):.3f}" if n % 2 else f"{float(x) * 1e3:.1f}m"
                         for n, x in enumerate(X)], names="t,x\n"), "no number; correct it"
@@ -702,6 +744,61 @@ def test_times_that_contradict_the_rate_above_are_told(tmp_path):
         text = f"# sampling rate: {stated} Hz\n" + table(times(), *XYZ, names="time,x,y,z\n")
         _, rate, reading = read_table(write(tmp_path, text))
         assert (rate, len(reading.notes)) == (pytest.approx(RATE), told)
+
+
+TOLD = {
+    "a state": (
+        table(times(), *XYZ, ["0"] * 200 + ["1"] * 40, names="t,x,y,z,button\n"),
+        "unlike a signal: 'button'; data.channels=[0,1,2] leaves them out",
+    ),
+    "a slow quantity": (
+        table(times(), X, column(25 + AXES[0] / 50, "{:.4f}"), Y, names="t,x,Temp_C,y\n"),
+        "unlike a signal: 'Temp_C'; data.channels=[0,2] leaves them out",
+    ),
+    "a counter without a name": (
+        table(column(np.array(NUMBERS) % 128, "{}"), *XYZ),
+        "unlike a signal: column 1; data.channels=[1,2,3] leaves them out",
+    ),
+    "uneven times": (
+        table(column(np.cumsum(RNG.exponential(0.003, COUNT)), "{:.9f}"), X, names="time (s),x\n"),
+        "its times are uneven, by ",
+    ),
+    "times that are not quite even": (
+        table(column(TIMES + RNG.uniform(0, 1e-4, COUNT), "{:.6f}"), *XYZ),
+        "column 1 rises at every sample and is read as an axis; if it is time, call it time_s",
+    ),
+    "a divided rate": (
+        "Sample Rate: 8000 Hz\nDecimation: 4\nx,y\n" + table(X, Y),
+        "'Decimation: 4' may change the rate of 8,000 Hz; if it does, write fs=RATE in place of b",
+    ),
+    "two rates": ("Sampling rate: 2000 Hz\nOutput rate: 500 Hz\nx,y\n" + table(X, Y), "'Output ra"),
+    "a lone number far above": (
+        "Devices\n1000\n,Acc,\nFrame,x,y\n" + table(COUNTER, X, Y),
+        "'1000' stands alone above the names; if it is the rate, give data.file_rate=1000",
+    ),
+    "a line with text and a number as below": (
+        "boot,440\n" + table(column(np.array(NUMBERS) * 7 % 99, "{}"), column(
+            np.array(NUMBERS) % 97 + 400, "{}")),
+        "an incomplete line of numbers is left out: 'boot,440'",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TOLD)
+def test_what_may_be_no_axis_or_rate_is_told(tmp_path, name):
+    text, told = TOLD[name]
+    notes = read_table(write(tmp_path, text))[2].notes
+    assert any(told in note for note in notes), notes
+
+
+def test_an_array_of_sensors_of_which_few_are_touched_is_no_state(tmp_path):
+    path = write(tmp_path, table(times(), X, Y, ["0"] * COUNT, names="t,T1,T2,T3\n"))
+    assert read_table(path)[2].notes == ()
+
+
+def test_axes_that_were_chosen_are_not_in_doubt(tmp_path):
+    path = write(tmp_path, table(times(), X, ["0"] * 200 + ["1"] * 40, names="t,x,button\n"))
+    assert read_table(path, ["x", "button"])[2].notes == ()
 
 
 def test_recordings_that_follow_each_other_are_told(tmp_path):

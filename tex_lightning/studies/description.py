@@ -280,7 +280,14 @@ def readings(signals: Recordings, store: Store) -> list[str]:
 
 
 def reading_notes(signals: Recordings, store: Store) -> list[str]:
-    """Say what was skipped or filled in which file."""
-    notes = [f"{row.path}: {note}." for row in signals for note in store.reading(row).notes]
+    """Say what was skipped, filled or is in doubt, and in which files."""
+    found: dict[str, list[Path]] = defaultdict(list)
+    for row in signals:
+        for note in store.reading(row).notes:
+            found[note].append(row.path)
+    notes = [
+        f"{first}{f' and {len(others)} more' if others else ''}: {note}."
+        for note, (first, *others) in found.items()
+    ]
     more = [f"And {len(notes) - MAX_NOTES} more such notes."] if len(notes) > MAX_NOTES else []
     return notes[:MAX_NOTES] + more
