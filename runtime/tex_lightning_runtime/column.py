@@ -61,13 +61,13 @@ FLAGS = {  # the same, if one of the words is such
     "trigger",
 }  # fmt: skip
 HOUSEKEEPING = {  # of a device or its radio
-    "rssi", "battery", "batt", "vbat", "crc", "checksum", "chksum", "cksum", "chk", "xor",
+    "rssi", "snr", "battery", "batt", "vbat", "crc", "checksum", "chksum", "cksum", "chk", "xor",
 }  # fmt: skip
 SLOW = {  # beside a signal
     "temp", "temperature", "tmp", "humidity", "latitude", "longitude", "altitude",
 }  # fmt: skip
 SENSORS = {"sensor", "channel", "node", "device", "imu", "axis", "source", "address"}
-IDS = {"id", "ids", "uid", "uuid", "guid"}
+IDS = {"id", "ids", "uid", "uuid", "guid", "msgid"}
 NO_UNITS = re.compile(
     r"[-+\d:]*|utc|gmt|unix|epoch|txt|local|n|hh.*|yyyy.*|mm.*|dd.*|iso.*|since.*"
 )
@@ -104,11 +104,6 @@ class Column:
     def is_stamp(self) -> bool:
         """Whether its cells are dates or clock times."""
         return self.is_text and _is(STAMP, self.values.iloc[0])
-
-    @property
-    def kin(self) -> tuple[str, ...]:
-        """The words of its name without numbers, which those of like sensors have in common."""
-        return tuple(w for w in self.words if not w.isdigit()) if self.named else (self.name,)
 
     @property
     def has_fractions(self) -> bool:

@@ -11,18 +11,8 @@ import numpy as np
 
 from tex_lightning_runtime.column import IDS, MIN_RISING, SENSORS, SLOW, TIMES, Column, missing
 from tex_lightning_runtime.samples import Array, Channels
-from tex_lightning_runtime.times import (
-    DAY,
-    EVEN,
-    HOUR,
-    NOMINAL,
-    UNITS,
-    Even,
-    TableError,
-    even_samples,
-)
+from tex_lightning_runtime.times import EVEN, NOMINAL, TURNS, UNITS, Even, TableError, even_samples
 
-TURNS = {HOUR: DAY, 60.0: HOUR}  # seconds after which hours and minutes begin anew
 IDLE, LIVELY = 0.75, 0.5  # shares of samples that equal the one before: of states, of signals
 
 
@@ -109,7 +99,10 @@ def _divided(
     if not axes:  # numbers that nothing else stands beside are measured
         axes, reasons = counters, {c: why for c, why in reasons.items() if c not in counters}
     if not axes:
-        raise TableError("has no column of measured numbers; check its separator and its names")
+        raise TableError(
+            "has no column of measured numbers; check its separator and its names, or choose by "
+            "data.channels"
+        )
     for column in (c for c, why in reasons.items() if why == "text" and channels is None):
         if cell := column.hidden:
             raise TableError(
@@ -121,27 +114,29 @@ def _divided(
 
 def _warned(axes: list[Column]) -> list[str]:
     """Say of the first axis that rises all the time that it was not taken for time."""
-    for axis in axes:
-        steps = np.diff(np.asarray(axis.values))
-        if len(steps) > MIN_RISING and (steps > 0).all():
+    for axis in (a for a in axes if len(a.values) > MIN_RISING + 1):
+        if axis.values.is_monotonic_increasing and axis.values.is_unique:
             how = "if it is time, call it time_s or time_ms in the line of names"
             return [f"{_title(axis)} rises at every sample and is read as an axis; {how}"]
     return []
 
 
 def _unlike(axes: list[Column]) -> list[str]:
-    """Say how to leave out axes that by name or values are no signal, beside others that are."""
+    """Say how to leave out axes that by name or values are no signal, beside others that are.
+
+    Of axes whose names differ in numbers alone, such as taxels, some may rest.
+    """
     still = [(np.diff(axis.values, prepend=np.nan) == 0).mean() for axis in axes]
     slow = [not SLOW.isdisjoint(axis.words) or axis.by_one for axis in axes]
-    signals = {axis.kin for n, axis in enumerate(axes) if still[n] < LIVELY and not slow[n]}
-    found = [
-        n for n, axis in enumerate(axes)
-        if (slow[n] or still[n] > IDLE) and axis.kin not in signals
-    ]  # fmt: skip
-    if not signals or not found:
+    kin = [re.sub(r"\d", "", axis.name) or axis.name for axis in axes]
+    signals = {kin[n] for n, share in enumerate(still) if share < LIVELY and not slow[n]}
+    odd = [
+        n for n, share in enumerate(still) if kin[n] not in signals and (slow[n] or share > IDLE)
+    ]
+    if not signals or not odd:
         return []
-    names = ", ".join(_title(axes[n]) for n in found)
-    kept = ",".join(str(n) for n in range(len(axes)) if n not in found)
+    names = ", ".join(_title(axes[n]) for n in odd)
+    kept = ",".join(str(n) for n in range(len(axes)) if n not in odd)
     return [
         f"read as axes, though unlike a signal: {names}; data.channels=[{kept}] leaves them out"
     ]

@@ -213,8 +213,11 @@ def lone_rate(cell: str, rows: Sequence[Sequence[str]], notes: list[str]) -> flo
     none of the numbers below.
     """
     value = _amount(cell)
-    if is_rate(cell, rows):
-        return value
+    if value is not None and MIN_RATE <= value <= MAX_RATE:
+        below = [abs(number) for row in rows for c in row if (number := _amount(c)) is not None]
+        power = value.is_integer() and int(value).bit_count() == 1
+        if (value % ROUND == 0 or power) and not min(below) <= value <= max(below):
+            return value
     told = f"; if it is the rate, write fs={cell}" if value and value >= MIN_RATE else ""
     notes.append(f"the line {cell!r} above the numbers is left out{told}")
     return None
@@ -226,24 +229,13 @@ def rate_doubts(
     """Say of lines above the numbers that they may state another rate in Hz than is taken."""
     if not rate:
         told = "stands alone above the names; if it is the rate, give data.file_rate="
-        alone = (line for line in map(str.strip, lines) if is_rate(line, rows))
-        return [f"{line!r} {told}{line}" for line in alone]
+        return [f"{n!r} {told}{n}" for n in map(str.strip, lines) if lone_rate(n, rows, [])]
     told = f"may change the rate of {rate:,.6g} Hz; if it does, write fs=RATE in place of both"
     return [
         f"{line.strip()[:40]!r} {told}"
         for line in lines
         if DIVIDED.search(line) or not isclose(_stated(RATE, line) or rate, rate, rel_tol=NOMINAL)
     ]
-
-
-def is_rate(cell: str, rows: Sequence[Sequence[str]]) -> bool:
-    """Return whether a number is round, as rates are, and none of the numbers below."""
-    value = _amount(cell)
-    if value is None or not MIN_RATE <= value <= MAX_RATE:
-        return False
-    below = [abs(number) for row in rows for c in row if (number := _amount(c)) is not None]
-    power = value.is_integer() and int(value).bit_count() == 1
-    return (value % ROUND == 0 or power) and not min(below) <= value <= max(below)
 
 
 def stated_rate(lines: Sequence[str]) -> float | None:
@@ -271,8 +263,7 @@ def _stated(how: re.Pattern[str], line: str) -> float | None:
 def _amount(text: str) -> float | None:
     text = text.rstrip(".,")
     decimal, group = (".", ",") if THOUSANDS.fullmatch(text) else decimal_mark([[text]])
-    plain = text.replace(group, "") if group else text
-    plain = plain.replace(decimal, ".")
+    plain = text.replace(group or " ", "").replace(decimal, ".")
     for each in (plain, text.partition(",")[0]):  # of several columns
         try:
             return float(each)

@@ -30,6 +30,7 @@ UNITS: dict[str, float] = {  # in seconds
 }
 EPOCH = (9e8, 4.2e9)  # seconds since 1970: 1998 to 2103
 DAY, HOUR = 86_400.0, 3600.0
+TURNS = {HOUR: DAY, 60.0: HOUR}  # seconds after which hours and minutes begin anew
 MIN_STAMPS = 5  # different ones that repeat; the rate by fewer may be off by a fifth
 NOMINAL = 0.1  # by which sensors differ from their rate
 EVEN = 0.01  # of a step, up to which samples stay as they are
@@ -183,16 +184,11 @@ def even_samples(times: Array, samples: Array) -> Even:
             f"has times with gaps of up to {largest / step:,.0f} steps, so that most samples are "
             "missing; divide it there, or delete that column and give data.file_rate"
         )
-    if np.quantile(np.abs(steps - step), 1 - UNEVEN) > step / 2:
-        notes = (
-            f"its times are uneven, by {steps.min():.3g} to {largest:.3g} s; what is between is "
-            "filled with straight lines",
-        )
-    elif largest > LARGE_GAP * step:
-        notes = (
-            f"gaps in its times, the largest of {largest:.3g} s after sample {steps.argmax()}, are "
-            "filled with straight lines",
-        )
+    told = f"gaps in its times, the largest of {largest:.3g} s after sample {steps.argmax()}"
+    if uneven := np.quantile(np.abs(steps - step), 1 - UNEVEN) > step / 2:
+        told = f"uneven steps of its times, {steps.min():.3g} to {largest:.3g} s"
+    if uneven or largest > LARGE_GAP * step:
+        notes = (f"{told}, are filled with straight lines",)
     if (np.abs(steps - step) > EVEN * step).any():
         grid = times[0] + np.arange(count) * step
         samples = np.stack([np.interp(grid, times, axis) for axis in samples])

@@ -761,7 +761,7 @@ TOLD = {
     ),
     "uneven times": (
         table(column(np.cumsum(RNG.exponential(0.003, COUNT)), "{:.9f}"), X, names="time (s),x\n"),
-        "its times are uneven, by ",
+        "uneven steps of its times, ",
     ),
     "times that are not quite even": (
         table(column(TIMES + RNG.uniform(0, 1e-4, COUNT), "{:.6f}"), *XYZ),
