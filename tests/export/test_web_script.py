@@ -105,6 +105,8 @@ TEXTS = {
     "numbers that rise": "".join(f"{i / 2000:.4f} {i % 4} {-i}\n" for i in range(20)),
     "a position": "position_mm,x,y\n" + "".join(f"{i / 2000},{i % 4},{-i}\n" for i in range(20)),
     "counter, label": "packet,x,label\n" + "".join(f"{i},{i % 7},2\n" for i in range(20)),
+    "battery and state": "x,battery_V,state\n"
+    + "".join(f"{i % 7},{3.9 - i / 1000:.3f},{i // 10}\n" for i in range(20)),
     "an index": ",x\n" + "".join(f"{i},{i % 7}\n" for i in range(20)),
     "quoted decimal commas": "x,y,z\n" + "".join(f'"0,{i}5","1,5","{i},2"\n' for i in range(9, 30)),
     "milliseconds since 1970": "timestamp,x\n"

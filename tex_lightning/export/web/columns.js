@@ -10,6 +10,8 @@ const COUNTERS = new Set(
     "count counts n i row rows line frame frames record step point measurement of").split(" "),
 );
 const LABELS = new Set("label labels class target activity category id ids uid uuid".split(" "));
+const HOUSEKEEPING = new Set("rssi snr battery batt vbat crc checksum chksum cksum chk xor".split(" "));
+const FLAGS = new Set("status state flag flags valid validity quality accuracy alarm trigger".split(" "));
 const UNITS = [
   [1, "s sec secs second seconds"],
   [1e-3, "ms msec msecs millis millisecond milliseconds"],
@@ -44,7 +46,11 @@ export function secondsOf(name, unit) {
 export function reasonAgainst(name, values, index) {
   const said = words(name);
   if (said.some((word) => LABELS.has(word))) return "label";
-  const rises = values.every((value, i) => Number.isInteger(value) && (i === 0 || value >= values[i - 1]));
+  if (said.some((word) => HOUSEKEEPING.has(word))) return "housekeeping";
+  const whole = values.every(Number.isInteger);
+  const few = new Set(values).size <= Math.max(1, Math.floor(values.length / 10));
+  if (whole && few && said.some((word) => FLAGS.has(word))) return "state";
+  const rises = whole && values.every((value, i) => i === 0 || value >= values[i - 1]);
   if (rises && (said.length > 0 ? said.every((word) => COUNTERS.has(word)) : index === 0)) return "counter";
   return null;
 }
