@@ -2,8 +2,14 @@
 
 import json
 import re
+from pathlib import Path
+from types import SimpleNamespace
 
+import pytest
+
+from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.report.data_page import data_tables
+from tex_lightning.studies.description import other_axes
 
 
 def test_the_opening_says_rate_axes_and_what_is_trained_and_tested(cli, tiny, tmp_path):
@@ -44,3 +50,20 @@ def test_the_report_of_a_training_has_what_its_data_are(fused):
     assert [row["class"] for row in by_class.rows] == ["alpha", "beta", "gamma"]
     for text in (*facts.values(), "examples: haptic", "examples: image"):
         assert text in page
+
+
+@pytest.mark.parametrize(
+    ("axes", "told"),
+    [
+        ({"oak": "ax", "elm": "ax", "ash": "force"}, ["ash alone has the axes force"]),
+        ({"oak": "ax", "elm": "ax", "ash": ""}, []),
+        ({"oak": "ax", "elm": "force"}, []),
+    ],
+)
+def test_a_class_of_another_sensor_is_told(axes, told):
+    rows = tuple(Recording(label, "haptic", Path(label), 0) for label in axes)
+    store = SimpleNamespace(
+        reading=lambda row: SimpleNamespace(axes=(axes[row.label],) if axes[row.label] else ())
+    )
+    notes = other_axes(Recordings(rows), store)
+    assert [note.partition(",")[0] for note in notes] == told

@@ -19,6 +19,7 @@ from tex_lightning.data.folds import split, tested_part
 from tex_lightning.data.inspection import copies
 from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.store import Store, skipped_entry
+from tex_lightning.errors import listed
 from tex_lightning.report.data_page import (
     FILE,
     PARTS,
@@ -54,14 +55,16 @@ def describe_data(
     rows = dataset.recordings
     modalities = list(dict.fromkeys(row.modality for row in rows))
     notes = [*rows.notes, *dataset.absences(divisions)]
-    same = [*copies(rows)][:MAX_NOTES]
-    notes += [
-        f"{finding.text}: {finding.files}; keep one, or give them one group." for finding in same
+    same = [
+        f"{finding.text}: {finding.files}; keep one, or give them one group."
+        for finding in copies(rows)
     ]
+    more = [f"{len(same) - MAX_NOTES} more contents are in several files (task=inspect)."]
+    notes += [*same[:MAX_NOTES], *(more if len(same) > MAX_NOTES else [])]
     for modality in modalities:
         if isinstance(dataset.store.decoders[modality], SignalDecoder):
             signals = rows.of(modality)
-            for notes_on in (rate_warnings, assumed_rate, reading_notes):
+            for notes_on in (rate_warnings, assumed_rate, other_axes, reading_notes):
                 notes += notes_on(signals, dataset.store)
     return {
         "name": data.name,
@@ -260,6 +263,25 @@ def rate_warnings(signals: Recordings, store: Store) -> list[str]:
         f"{len(low)} of {len(rates)} {plural(modality)} have a lower rate than the {highest:,.6g} "
         f"Hz of others, {rates[slowest]:,.6g} Hz in {slowest.path.name}, and nothing above half of "
         f"it: record all at one rate, or set data.sampling_rate={rates[slowest]:g}."
+    ]
+
+
+def other_axes(signals: Recordings, store: Store) -> list[str]:
+    """Warn of classes whose columns have other names than those that other classes share."""
+    classes: dict[tuple[str, ...], set[str]] = defaultdict(set)
+    for row in signals:
+        if axes := store.reading(row).axes:
+            classes[axes].add(row.label)
+    usual = max(classes, key=lambda axes: len(classes[axes]), default=())
+    odd = {axes: [*labels - classes[usual]] for axes, labels in classes.items() if axes != usual}
+    if len(classes.get(usual, ())) < 2:
+        return []
+    return [
+        f"{listed(sorted(labels))} alone has the axes {', '.join(axes)}, and other classes "
+        f"{', '.join(usual)}: sensors may be told apart in place of classes; choose axes that all "
+        "have by data.channels, or leave it out."
+        for axes, labels in odd.items()
+        if labels
     ]
 
 

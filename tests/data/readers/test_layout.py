@@ -83,11 +83,18 @@ def test_parts_and_versions_in_the_place_of_classes_are_refused(tmp_path, tops, 
 
 
 def test_folders_beside_the_classes_that_are_none_are_left_out_and_told(tmp_path):
-    touch(tmp_path, *crossed("oak elm results Test"), "code/a.py", "backup/oak/1.wav", "ash/1.wav")
+    touch(
+        tmp_path,
+        *crossed("oak elm results Test"),
+        "Test data/1.wav",
+        "code/a.py",
+        "backup/oak/1.wav",
+        "ash/1.wav",
+    )
     table = read_folder(tmp_path)
     assert table.classes == ["ash", "elm", "oak"]
     left = [note.partition(" is left out")[0] for note in table.notes]
-    assert left == [f"{tmp_path}/{name}" for name in ("Test", "backup", "results")]
+    assert left == [f"{tmp_path}/{name}" for name in ("Test", "Test data", "backup", "results")]
     assert read_folder(touch(tmp_path / "two", "oak/1.wav", "test/1.wav")).classes == [
         "oak",
         "test",
@@ -101,6 +108,7 @@ def test_folders_beside_the_classes_that_are_none_are_left_out_and_told(tmp_path
         ("1.csv 1-resampled.csv 2.csv", "1.csv 2.csv", "*resampled*"),
         ("a.jpg a_thumb.jpg b.jpg", "a.jpg b.jpg", "*thumb*"),
         ("1.wav|1 - Copy.wav|Copy of 2.wav|2.wav", "1.wav 2.wav", "*Copy*"),
+        ("1raw.csv 1filtered.csv aRaw.csv aEdited.csv", "1raw.csv aRaw.csv", "*filtered*"),
         ("raw_1.wav raw_2.wav", "raw_1.wav raw_2.wav", ""),
         ("1.wav|1 (1).wav|1 (2).wav", "1 (1).wav|1 (2).wav|1.wav", ""),
     ],
@@ -141,6 +149,12 @@ def test_a_class_in_a_folder_of_its_own_name_is_read(tmp_path):
         (crossed("oak_1 oak_2 elm_1 elm_2", "haptic"), ["elm 1", "elm 2", "oak 1", "oak 2"]),
         (crossed("P1 P2", ending="oak_1.wav") + crossed("P1 P2", ending="elm_1.wav"),
          ["elm P1", "elm P2", "oak P1", "oak P2"]),
+        (crossed("ann bob", ending="oak-1.wav") + crossed("ann bob", ending="elm-1.wav")
+         + crossed("ann bob", ending="oak-2.wav") + crossed("ann bob", ending="elm-2.wav"),
+         ["elm ann", "elm bob", "oak ann", "oak bob"]),
+        (crossed("oak1 oak12 elm1 elm3"), ["elm 1", "elm 3", "oak 1", "oak 12"]),
+        (crossed("oak-day1 oak-day2 elm-day1 elm-day2"), ["elm 1", "elm 2", "oak 1", "oak 2"]),
+        (crossed("ann bob", ending="oak.wav") + crossed("ann bob", ending="elm.wav"), None),
         (crossed("oak_1 elm_2"), None),
         (crossed("Version1 Version2"), None),
         (crossed("oak_1 oak_2 ash"), None),

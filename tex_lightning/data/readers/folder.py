@@ -22,6 +22,7 @@ from tex_lightning.data.readers.layout import (
     check_sensors,
     doubts,
     flat_pattern,
+    is_called,
     tables_of_labels,
     without_versions,
 )
@@ -128,18 +129,17 @@ def _class_folders(root: Path, notes: list[str]) -> list[Path]:
         UserError: If all of them are parts or versions of the data set.
     """
     folders = _folders(root)
-    classes = [folder for folder in folders if folder.name.casefold() not in ASIDE | VERSIONS]
-    instead = [folder for folder in folders if folder.name.casefold() in SPLITS | VERSIONS]
+    aside = [folder for folder in folders if is_called(folder.name, ASIDE)]
+    instead = [folder for folder in folders if is_called(folder.name, SPLITS | VERSIONS)]
+    classes = [folder for folder in folders if folder not in aside and folder not in instead]
     if not classes and len(instead) > 1:
         paths = [path for folder in instead for path in _deeper(folder, ()) or _recorded(folder)]
         if paths:
-            names = listed([folder.name for folder in instead])
             raise UserError(
-                f"Folder {root} has the folders {names} in the place of classes; "
-                f"{advise(root, paths)}."
+                f"Folder {root} has the folders {listed([folder.name for folder in instead])} in "
+                f"the place of classes; {advise(root, paths)}."
             )
-    aside = [folder for folder in folders if folder.name.casefold() in ASIDE]
-    if len(classes) < 2:
+    if sum(1 + len(_folders(folder)) for folder in classes) < 2:
         return folders
     for folder in aside:
         if _deeper(folder, ()) or _recorded(folder):

@@ -19,21 +19,21 @@ SPLITS = {"train", "training", "val", "valid", "validation", "test", "testing", 
 ASIDE = SPLITS | {  # folders that are no classes, by their names
     "unlabelled", "unlabeled", "results", "result", "output", "outputs", "predictions", "figures",
     "plots", "code", "src", "scripts", "notebooks", "models", "checkpoints", "logs", "docs",
-    "backup", "backups", "__pycache__", "__macosx",
+    "backup", "backups", "calibration", "calib", "pycache", "macosx",
 }  # fmt: skip
 PLAIN = {"raw", "original", "originals", "orig", "unfiltered"}
 VERSIONS = PLAIN | {  # of one recording
     "filtered", "filt", "lowpass", "highpass", "bandpass", "smoothed", "denoised", "cleaned",
     "processed", "preprocessed", "normalized", "normalised", "resampled", "downsampled", "cropped",
-    "trimmed", "augmented", "aug", "resized", "thumb", "thumbs", "thumbnail", "edited", "copy",
+    "trimmed", "augmented", "resized", "thumb", "thumbs", "thumbnail", "edited", "copy",
     "kopie", "bak",
 }  # fmt: skip
+FILLERS = {"data", "dataset", "set", "recordings", "samples", "files", "folder", "of"}
 SENSOR = re.compile(
     r"(?<![a-z])(?:acc|accel[a-z]*|gyro[a-z]*|mag|magnet[a-z]*|gravity|orientation|force|torque|pressure"
     r"|temp|temperature|audio|sound|mic|microphone|haptic|tactile|vibration|rgb|depth|mask)(?![a-z])",
     re.IGNORECASE,
 )  # in the names of files beside each other
-NUMBER = re.compile(r"(.*[^\W\d].*)[\W_](\d+)")  # of a session behind the name of a class
 SEPARATORS = "_- "
 
 
@@ -65,7 +65,7 @@ def advise(root: Path, paths: Sequence[Path], name: str = "*") -> str:
         if {row.path for row in table} & {path.resolve() for path in paths}:
             return table.notes[-1]
     folders = {path: path.relative_to(root).parts[:-1] for path in paths}
-    kept = {p: f for p, f in folders.items() if not f or f[0].casefold() not in ASIDE - SPLITS}
+    kept = {p: f for p, f in folders.items() if not f or not is_called(f[0], ASIDE - SPLITS)}
     plain = [
         [part for part in parts if not _is_sense(part)] for parts in (kept or folders).values()
     ]
@@ -117,7 +117,7 @@ def _tokens(levels: Sequence[Sequence[str]], classes: int | None) -> list[str]:
         elif _are(names, SPLITS):
             token = "{split}"
         elif _are(names, VERSIONS):
-            token = min(names, key=lambda name: name.casefold() not in PLAIN)
+            token = min(names, key=lambda name: not is_called(name, PLAIN))
         else:
             said = "{group}" not in tokens and (len(names) > 1 or _are_numbered(names))
             token = "{group}" if said else "*"
@@ -125,8 +125,26 @@ def _tokens(levels: Sequence[Sequence[str]], classes: int | None) -> list[str]:
     return tokens
 
 
+def words(name: str) -> list[str]:
+    """Divide a name into words and numbers.
+
+    Example:
+        >>> from tex_lightning.data.readers.layout import words
+        >>> words("Test data/oak_1Raw")
+        ['test', 'data', 'oak', '1', 'raw']
+    """
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    return re.findall(r"[^\W\d_]+|\d+", apart.casefold())
+
+
+def is_called(name: str, known: set[str]) -> bool:
+    """Return whether a name is of these words, beside numbers and words such as ``data``."""
+    said = [word for word in words(name) if not word.isdecimal() and word not in FILLERS]
+    return bool(said) and {*said} <= known
+
+
 def _are(names: Sequence[str], known: set[str]) -> bool:
-    return bool(names) and {name.casefold() for name in names} <= known
+    return bool(names) and all(is_called(name, known) for name in names)
 
 
 def _are_numbered(names: Sequence[str]) -> bool:
@@ -196,11 +214,9 @@ def without_versions(root: Path, rows: Sequence[Recording]) -> Recordings:
     """
     versions: dict[object, dict[frozenset[str], list[Recording]]] = defaultdict(dict)
     for row in rows:
-        words = re.findall(
-            r"[^\W_]+", row.path.relative_to(root).with_suffix("").as_posix().casefold()
-        )
-        said = frozenset(words) & VERSIONS
-        plain = tuple(word for word in words if word not in {*said, *(["of"] if said else [])})
+        named = words(row.path.relative_to(root).with_suffix("").as_posix())
+        said = frozenset(named) & VERSIONS
+        plain = tuple(word for word in named if word not in said and not (said and word == "of"))
         same = versions[row.label, row.modality, row.conditions, plain]
         same.setdefault(said, []).append(row)
     left: set[Recording] = set()
@@ -211,11 +227,9 @@ def without_versions(root: Path, rows: Sequence[Recording]) -> Recordings:
     if not left:
         return table
     first = next(row for row in rows if row in left)
-    word = next(
-        w
-        for w in re.findall(r"[^\W_]+", first.source[len(str(root)) :])
-        if w.casefold() in VERSIONS
-    )
+    word = next(w for w in words(first.path.stem) if w in VERSIONS)
+    at = first.path.stem.casefold().index(word)
+    word = first.path.stem[at : at + len(word)]
     note = (
         f"{len(left)} files are left out as versions of recordings beside them by their names, "
         f"such as {first.path}; to take them instead, {advise(root, [first.path], f'*{word}*')}."
@@ -251,24 +265,41 @@ def _formats(rows: Sequence[Recording]) -> list[str]:
 
 
 def _sessions_as_classes(root: Path, rows: Sequence[Recording]) -> list[str]:
-    """Say where folders read as classes may be sessions, by numbers in their names."""
+    """Say where folders read as classes may be sessions or people, by numbers or files alike."""
     names = sorted({row.label for row in rows})
-    found = [match for name in names if (match := NUMBER.fullmatch(name))]
-    stems = {match[1]: 0 for match in found}
     path = next((row.path for row in rows), root)
     inside = "".join(f"{_sense_token(part)}/" for part in path.relative_to(root).parts[1:-1])
-    if 1 < len(stems) <= len(found) / 2 and len(found) == len(names):
-        mark = names[0][found[0].end(1)]
-        pattern = f"{{label}}{mark}{{group}}/{inside}*{path.suffix}"
-        return [
-            f"{listed(names)} are classes of their own; {by_pattern(root, ([*stems], pattern))}."
-        ]
-    heads: dict[str, set[str]] = defaultdict(set)
+    stems, tail = _without_numbers(names)
+    if 1 < len(stems) <= len(names) / 2 and all(re.search(r"\d$", name) for name in names):
+        pattern = f"{{label}}{tail}{{group}}/{inside}*{path.suffix}"
+        return [f"{listed(names)} are classes of their own; {by_pattern(root, (stems, pattern))}."]
+    files: dict[str, set[str]] = defaultdict(set)
     for row in rows:
-        heads[row.label].add(row.path.stem.rpartition("_")[0])
-    shared = {frozenset(each) for each in heads.values()}
-    if len(names) > 1 and len(shared) == 1 and len(*shared) > 1 and _are_numbered(names):
-        pattern = f"{{group}}/{inside}{{label}}_*{path.suffix}"
-        said = by_pattern(root, (sorted(*shared), pattern))
-        return [f"{listed(names)} are read as the classes; {said}."]
+        files[row.label].add(row.path.stem)
+    shared = {_without_numbers(sorted(each)) for each in files.values()}
+    heads, tail = next(iter(shared), ((), ""))
+    fewest = min(map(len, files.values()), default=0)
+    several = len(heads) <= fewest / (1 if _are_numbered(names) else 2)
+    if len(names) > 1 == len(shared) < len(heads) and several and all(map(_is_word, heads)):
+        pattern = f"{{group}}/{inside}{{label}}{tail}{'*' if tail else '{take}'}{path.suffix}"
+        return [f"{listed(names)} are read as the classes; {by_pattern(root, (heads, pattern))}."]
     return []
+
+
+def _without_numbers(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
+    """Return names without the numbers at their ends, and without what stands before all of these.
+
+    Example:
+        >>> from tex_lightning.data.readers.layout import _without_numbers
+        >>> _without_numbers(["oak-day1", "oak-day2", "elm-day1"])
+        (('elm', 'oak'), '-day')
+    """
+    stems = sorted({re.sub(r"\d+$", "", name) for name in names})
+    ends = [stems[0][mark.start() :] for mark in re.finditer(r"[\W_]", stems[0])]
+    tail = next((end for end in ends if all(stem.removesuffix(end) for stem in stems)
+                 and all(stem.endswith(end) for stem in stems)), "")  # fmt: skip
+    return tuple(stem.removesuffix(tail) for stem in stems), tail
+
+
+def _is_word(name: str) -> bool:
+    return re.fullmatch(r"[^\W\d_].*", name) is not None

@@ -23,8 +23,9 @@ def read_names(root: Path, pattern: str) -> tuple[Recordings, list[str]]:
         pattern: Path below the folder, such as ``{label}/{person}_{group}.wav``. What stands for
             ``{label}`` is the class, and may have the separators; for ``{group}``, ``{modality}``,
             ``{rate}`` and ``{fold}`` the columns of a manifest; for others conditions. ``*`` is
-            anything. Without ``{modality}`` the suffix tells it, and without ``{group}`` files of
-            one name, whatever their suffix, are a group.
+            anything, and what follows another directly is a number. Without ``{modality}`` the
+            suffix tells it, and without ``{group}`` files of one name, whatever their suffix, are
+            a group.
 
     Raises:
         UserError: If the pattern cannot be used, or no name fits.
@@ -83,6 +84,8 @@ def _compiled(pattern: str) -> re.Pattern[str]:
         end = match.end()
         beside = re.escape(pattern[match.start() - 1 : match.start()] + pattern[end : end + 1])
         only = rf"[^/{beside}]+" if match[1] != LABEL else "[^/]+"
+        if match.start() and pattern[match.start() - 1] == "}":  # a number directly behind a name
+            only = r"(?<!\d)\d+"
         parts.append("[^/]*" if match[2] else f"(?P<{match[1]}>{only})")
     return re.compile("".join([*parts, re.escape(pattern[end:])]))
 
