@@ -401,3 +401,18 @@ def test_a_group_is_out_of_range_from_its_limit_on_and_sooner_in_long_recordings
     gate.fragments.fill_(2)  # the mean of one varies twice as much as that of two
     assert torch.equal(gate(x), x)
     assert gate(x.expand(1, 4, 1, 2))[0, :, 0, 1].tolist() == pytest.approx([3.0, 3.9, 0.0, 50.0])
+
+
+def test_more_recordings_than_settings_are_chosen_on_make_no_class_less_sure():
+    size, count = 60, 4000
+    seeded = torch.Generator().manual_seed(9)
+    centres, mix = (torch.randn(n, size, generator=seeded) for n in (10, size))
+    labels = torch.arange(count + 500) % 10
+    noise = torch.randn(count + 500, size, generator=seeded) @ mix / size**0.5
+    rows = (centres[labels] + 1.5 * noise)[:, None, :, None]
+    network = LinearNet(10, bands=size, blocks=[("shape", size)], strength=0.01)
+    network.fit(list(rows[:count]), labels[:count])
+    with torch.no_grad():
+        shares = torch.cat([network(row[None])[0] for row in rows[count:]], dim=1).softmax(dim=0)
+    assert (shares.argmax(dim=0) == labels[count:]).all()
+    assert shares.amax(dim=0).mean() > 0.97

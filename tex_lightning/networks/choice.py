@@ -187,7 +187,7 @@ class LineFit:
     ) -> float:
         """Return the scale of scores as :func:`sharpness_of` does, by the largest part alone.
 
-        All classes are told apart, which are too many for a fit without each part.
+        All classes are told apart, and by all rows: by more of them scores become smaller.
 
         Args:
             ridge: Of the rows of all classes.
@@ -295,7 +295,7 @@ def fit_line(
     factors = factors_of(one, counts)
     scores = fit.left_out_scores(choice, factors)
     whole = Ridge(rows, labels, classes, changes, levels)
-    if nth == 1:
+    if len(some) == len(labels):
         sharpness = sharpness_of(scores, few, parts, SHARPNESS)
     else:
         factors = factors_of(one, count_units(labels, left_out.units, classes))
