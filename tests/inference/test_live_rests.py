@@ -3,7 +3,7 @@
 import torch
 
 from tex_lightning.inference.live_rests import LiveRests
-from tex_lightning.senses.features.movement import block_length, resting
+from tex_lightning.senses.features.movement import block_length, left_out
 
 RATE = 10_000
 
@@ -11,11 +11,13 @@ RATE = 10_000
 def test_rests_are_those_of_the_whole_where_the_level_is_known():
     samples = torch.randn(1, 5 * RATE, generator=torch.Generator().manual_seed(0))
     samples[:, RATE : 2 * RATE] *= 1e-3
+    samples[:, 32_000] += 500  # a knock
     samples[:, 7 * RATE // 2 : 4 * RATE] *= 1e-3
     rests, parts = LiveRests(RATE, skip=True), []
     for part in samples.split(777, dim=1):
         settled, rest = rests.push(part, part[:, :0])
-        parts.append(settled.rests)
-    found = torch.cat([*parts, rest.rests])
-    assert torch.equal(found, resting(samples, RATE, block_length(RATE)))
+        parts.append(settled.left_out)
+    found = torch.cat([*parts, rest.left_out])
+    assert torch.equal(found, left_out(samples, RATE, block_length(RATE)))
     assert 0.8 * RATE < int(found.sum()) < 1.6 * RATE
+    assert found[32_000]

@@ -23,7 +23,7 @@ from tex_lightning.senses.features.movement import (
     SETTLING_SECONDS,
     STEADY_FACTOR,
     block_length,
-    resting,
+    left_out,
 )
 from tex_lightning.senses.features.proportions import BandProportions
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
@@ -81,7 +81,7 @@ def without_rests(trace: Tensor, sampling_rate: float, least: int) -> Tensor:
     length = block_length(sampling_rate)
     if length is None:
         return trace
-    kept = (~resting(trace, sampling_rate, length)).nonzero()[:, 0]
+    kept = (~left_out(trace, sampling_rate, length)).nonzero()[:, 0]
     promise(kept.shape[0] >= least)
     return trace.index_select(1, kept)
 
@@ -91,7 +91,7 @@ def before_last_rest(trace: Tensor, sampling_rate: float, least: int) -> Tensor:
     length = block_length(sampling_rate)
     if length is None:
         return trace
-    moving = ~resting(trace, sampling_rate, length)
+    moving = ~left_out(trace, sampling_rate, length)
     end: Any = (moving * torch.arange(1, trace.shape[-1] + 1)).amax(dim=0).item()
     promise(end >= least)
     promise(end <= trace.shape[-1])

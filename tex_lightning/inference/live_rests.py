@@ -1,4 +1,4 @@
-"""Find the rests of a tool in a signal that goes on."""
+"""Find the rests and knocks of a tool in a signal that goes on."""
 
 from typing import NamedTuple
 
@@ -8,33 +8,32 @@ from torch import Tensor
 
 from tex_lightning.data.decode import Array
 from tex_lightning.senses.features.movement import (
-    LOUD,
-    REST_POWER,
     block_length,
     block_power,
     in_runs,
+    power_limits,
     run_length,
 )
 
 
 class MarkedSignal(NamedTuple):
-    """A stretch of a signal (axes, samples), and a mask (samples,) of the rests in it."""
+    """A stretch of a signal (axes, samples), and a mask (samples,) of its rests and knocks."""
 
     signal: Tensor
-    rests: Tensor
+    left_out: Tensor
 
     @property
     def movement(self) -> Tensor:
-        """The samples (axes, samples) that are no rest."""
-        return self.signal[:, ~self.rests] if bool(self.rests.any()) else self.signal
+        """The samples (axes, samples) that are neither."""
+        return self.signal[:, ~self.left_out] if bool(self.left_out.any()) else self.signal
 
 
 class LiveRests:
-    """Find rests of the tool (:func:`~.movement.resting`) in a signal that goes on.
+    """Find rests and knocks (:func:`~.movement.left_out`) in a signal that goes on.
 
     Args:
         sampling_rate: Sampling rate in Hz.
-        skip: Whether to look for rests; else everything is movement.
+        skip: Whether to look for them; else everything is movement.
     """
 
     def __init__(self, sampling_rate: float, skip: bool) -> None:
@@ -46,7 +45,7 @@ class LiveRests:
         self.pending: Tensor | None = None
 
     def push(self, new: Tensor, ahead: Tensor) -> tuple[MarkedSignal, MarkedSignal]:
-        """Return the stretch whose rests are final now, and the preliminary one after it.
+        """Return the stretch whose mask is final now, and the preliminary one after it.
 
         Args:
             new: New samples (axes, samples).
@@ -54,24 +53,26 @@ class LiveRests:
         """
         pending = new if self.pending is None else torch.cat((self.pending, new), dim=1)
         now = torch.cat((pending, ahead), dim=1)
-        rests = torch.zeros(now.shape[1], dtype=torch.bool, device=now.device)
+        out = torch.zeros(now.shape[1], dtype=torch.bool, device=now.device)
         settled = pending.shape[1]
         if self.length is not None:
             blocks = max(0, settled // self.length - self.run)
             settled = blocks * self.length
-            rests = self._judge(now, self.length, blocks)
+            out = self._judge(now, self.length, blocks)
         self.pending = pending[:, settled:].clone()
-        first = MarkedSignal(now[:, :settled], rests[:settled])
-        return first, MarkedSignal(now[:, settled:], rests[settled:])
+        first = MarkedSignal(now[:, :settled], out[:settled])
+        return first, MarkedSignal(now[:, settled:], out[settled:])
 
     def _judge(self, now: Tensor, length: int, settled: int) -> Tensor:
         power = block_power(now, length).cpu().numpy()
         every = np.insert(self.powers, np.searchsorted(self.powers, np.sort(power)), np.sort(power))
-        self.limit = REST_POWER * every[LOUD * (len(every) - 1) // 10]
+        rest, knock = (float(x) for x in power_limits(torch.from_numpy(every)))
+        self.limit = rest
         quiet = torch.from_numpy(np.concatenate((self.before, power)) < self.limit)
-        rests = in_runs(quiet, self.run)[len(self.before) :].to(now.device)
+        rests = in_runs(quiet, self.run)[len(self.before) :]
+        rests |= torch.from_numpy(power > knock)
         done = np.sort(power[:settled])
         self.powers = np.insert(self.powers, np.searchsorted(self.powers, done), done)
         self.before = np.concatenate((self.before, power[:settled]))[-self.run :]
         block = torch.arange(now.shape[1], device=now.device) // length
-        return rests[block.clamp(max=len(power) - 1)]
+        return rests.to(now.device)[block.clamp(max=len(power) - 1)]

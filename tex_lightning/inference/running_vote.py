@@ -191,7 +191,7 @@ class RunningSpectrogramVote(RunningVote):
         self.last: Vote | None = None
 
     def _go_on(self, settled: MarkedSignal, rest: MarkedSignal) -> Vote:
-        moving = (~torch.cat((settled.rests, rest.rests))).nonzero()
+        moving = (~torch.cat((settled.left_out, rest.left_out))).nonzero()
         self.cut = self.length + int(moving[-1]) + 1 if len(moving) else self.cut
         self.length += settled.signal.shape[1]
         signals = settled.signal if self.samples is None else (self.samples, settled.signal)

@@ -66,3 +66,23 @@ def test_nothing_is_cut_from_slow_short_and_constant_signals():
     assert torch.equal(moving(rest, 100.0), rest)
     for trace in (noise(0.01), torch.full((1, 9000), 3.0)):
         assert torch.equal(moving(trace, 10_000.0), trace)
+
+
+@pytest.mark.parametrize(("number", "cut"), [(1, True), (2, True), (4, False)])
+@pytest.mark.parametrize("rest", [0.0, 4.0])
+def test_knocks_are_left_out_unless_they_recur(number, cut, rest):
+    """Of strokes of 5 s, whatever rest follows; a block in forty may be a knock."""
+    stroke, samples = noise(5, rate=2000), torch.arange(100)
+    for place in range(number):
+        begin = 1000 + 1500 * place  # the first sample of a block
+        stroke[:, begin : begin + 100] += 30 * torch.exp(-samples / 20) * torch.cos(samples)
+    trace = torch.cat((stroke, 1e-3 * noise(rest, rate=2000, seed=1)), dim=1)
+    found = moving(trace, 2000)
+    assert abs(found.shape[1] - (10_000 - 100 * number * cut)) <= 100 * (rest > 0)
+    assert (found.abs().max() < 6) == cut
+
+
+def test_a_louder_stroke_between_rests_is_no_knock():
+    rests = [0.02 * noise(10, seed=seed, rate=2000) for seed in (1, 2)]
+    trace = torch.cat((rests[0], noise(1, seed=3, rate=2000), rests[1]), dim=1)
+    assert moving(trace, 2000).abs().max() == trace.abs().max()

@@ -1,7 +1,8 @@
-"""Find where a tool moves in a signal: after the first touch, and without rests.
+"""Find where a tool moves in a signal: after the first touch, and without rests and knocks.
 
 A recording goes on while the tool is lifted or stands still. What the sensor gives then is its own
-noise, which tells nothing of the material, and would count like the movement.
+noise, which tells nothing of the material, and would count like the movement. Neither does a bump
+against something, which is so loud that every window that it is in holds little else.
 """
 
 import torch
@@ -18,6 +19,8 @@ KNOWN_SECONDS = SEARCH_SECONDS + SETTLING_SECONDS + QUIET_SECONDS  # then nothin
 BLOCK_SECONDS = 0.05  # over which it is judged whether the tool moves
 REST_SECONDS = 0.4  # a shorter pause, as where a stroke turns, belongs to the movement
 REST_POWER = 0.002  # of the loud blocks' power; in a stroke it falls to 0.003 for 0.3 s at most
+KNOCK_POWER = 20.0  # of the power of loud blocks of the movement
+KNOCK_BLOCKS = 40  # of which one may be a knock: more recur, and are what was recorded
 LOUD = 9  # tenths of the blocks that are quieter than what is called loud: so many may be rest
 
 
@@ -56,19 +59,19 @@ def block_length(sampling_rate: float) -> int | None:
     return max(MIN_QUIET, int(BLOCK_SECONDS * sampling_rate))
 
 
-def resting(trace: Tensor, sampling_rate: float, length: int) -> Tensor:
-    """Return which samples (samples,) of a signal (axes, samples) belong to a rest.
+def left_out(trace: Tensor, sampling_rate: float, length: int) -> Tensor:
+    """Return which samples (samples,) of a signal (axes, samples) belong to a rest or a knock.
 
-    It can be traced for export; arguments are those of :func:`resting_blocks`.
+    It can be traced for export; arguments are those of :func:`left_out_blocks`.
     """
-    return of_samples(resting_blocks(trace, sampling_rate, length), trace.shape[-1], length)
+    return of_samples(left_out_blocks(trace, sampling_rate, length), trace.shape[-1], length)
 
 
-def resting_blocks(trace: Tensor, sampling_rate: float, length: int) -> Tensor:
-    """Return which blocks (blocks,) of a signal belong to a rest.
+def left_out_blocks(trace: Tensor, sampling_rate: float, length: int) -> Tensor:
+    """Return which blocks (blocks,) of a signal belong to a rest, or are a knock.
 
     A rest is at least 0.4 s of blocks whose power without their mean is far below that of the loud
-    ones.
+    ones. A knock is a block far above the loud ones of the movement, if only one in two seconds is.
 
     Args:
         trace: (axes, samples), at least one block long.
@@ -76,8 +79,23 @@ def resting_blocks(trace: Tensor, sampling_rate: float, length: int) -> Tensor:
         length: Samples of a block.
     """
     power = block_power(trace, length)
-    loud = power.sort().values[LOUD * (power.shape[0] - 1) // 10]
-    return in_runs(power < REST_POWER * loud, run_length(sampling_rate, length))
+    rest, knock = power_limits(power.sort().values)
+    return in_runs(power < rest, run_length(sampling_rate, length)) | (power > knock)
+
+
+def power_limits(ordered: Tensor) -> tuple[Tensor, Tensor]:
+    """Return below which power () blocks may be a rest, and above which one is a knock.
+
+    Args:
+        ordered: Power (blocks,) of all blocks, in order of size.
+    """
+    last = ordered.shape[0] - 1
+    rest = REST_POWER * ordered[LOUD * last // 10]
+    quiet = (ordered < rest).sum()
+    loud = ordered.index_select(0, (quiet + LOUD * (last - quiet) // 10)[None])[0]
+    knocks = (ordered > KNOCK_POWER * loud).sum()
+    few = KNOCK_BLOCKS * knocks <= last + 1 - quiet
+    return rest, torch.where(few, KNOCK_POWER * loud, torch.inf)
 
 
 def of_samples(blocks: Tensor, samples: int, length: int) -> Tensor:
@@ -112,20 +130,20 @@ def sums(values: Tensor, length: int) -> Tensor:
 
 
 def moving(trace: Tensor, sampling_rate: float, *, pieces: bool = True) -> Tensor:
-    """Return the movement in a signal: from its start on, and without rests.
+    """Return the movement in a signal: from its start on, and without rests and knocks.
 
     Args:
         trace: (axes, samples).
         sampling_rate: Sampling rate in Hz.
-        pieces: Also leave out rests in the middle; else only those at the end, so that a sample's
-            number still tells its time.
+        pieces: Also leave out what is in the middle; else only what is at the end, so that a
+            sample's number still tells its time.
     """
     trace = trace[:, movement_start(trace, sampling_rate) :]
     length = block_length(sampling_rate)
     if length is None or trace.shape[-1] < length:
         return trace
-    rest = resting_blocks(trace, sampling_rate, length)
-    if not bool(rest.any()):
+    out = left_out_blocks(trace, sampling_rate, length)
+    if not bool(out.any()):
         return trace
-    kept = (~of_samples(rest, trace.shape[-1], length)).nonzero()[:, 0]
+    kept = (~of_samples(out, trace.shape[-1], length)).nonzero()[:, 0]
     return trace[:, kept] if pieces else trace[:, : int(kept[-1]) + 1]
