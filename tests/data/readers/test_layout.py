@@ -202,3 +202,11 @@ def test_a_table_that_agrees_with_the_folders_is_not_told(tmp_path):
 def test_flat_files_are_told_by_the_mark_that_all_names_have(tmp_path):
     with pytest.raises(UserError, match=r"pattern='\{label\}-\{group\}\.wav', and train"):
         read_folder(touch(tmp_path, "red_oak-1.wav", "elm-1.wav", "README.txt"))
+
+
+def test_folders_of_versions_below_a_star_are_versions_too(tmp_path):
+    root = touch(tmp_path, *crossed("oak elm", "raw filtered"))
+    table, _ = read_names(root, "{label}/*/{group}.wav")
+    assert {row.path.parent.name for row in table} == {"raw"}
+    (pattern,) = patterns(table.notes[0], root)
+    assert {row.path.parent.name for row in read_names(root, pattern)[0]} == {"filtered"}

@@ -227,12 +227,13 @@ def without_versions(root: Path, rows: Sequence[Recording]) -> Recordings:
     if not left:
         return table
     first = next(row for row in rows if row in left)
-    word = next(w for w in words(first.path.stem) if w in VERSIONS)
-    at = first.path.stem.casefold().index(word)
-    word = first.path.stem[at : at + len(word)]
+    stem, name = first.path.stem, "*"
+    for word in sorted(VERSIONS & {*words(stem)}):  # else a folder has it
+        at = stem.casefold().index(word)
+        name = f"*{stem[at : at + len(word)]}*"
     note = (
         f"{len(left)} files are left out as versions of recordings beside them by their names, "
-        f"such as {first.path}; to take them instead, {advise(root, [first.path], f'*{word}*')}."
+        f"such as {first.path}; to take them instead, {advise(root, [first.path], name)}."
     )
     return Recordings(table.rows, (note,))
 
