@@ -8,9 +8,9 @@ from torch import Tensor
 
 from tex_lightning.data.decode import Array
 from tex_lightning.senses.features.movement import (
+    beyond,
     block_length,
     block_power,
-    in_runs,
     power_limits,
     run_length,
 )
@@ -66,13 +66,11 @@ class LiveRests:
     def _judge(self, now: Tensor, length: int, settled: int) -> Tensor:
         power = block_power(now, length).cpu().numpy()
         every = np.insert(self.powers, np.searchsorted(self.powers, np.sort(power)), np.sort(power))
-        rest, knock = (float(x) for x in power_limits(torch.from_numpy(every)))
-        self.limit = rest
-        quiet = torch.from_numpy(np.concatenate((self.before, power)) < self.limit)
-        rests = in_runs(quiet, self.run)[len(self.before) :]
-        rests |= torch.from_numpy(power > knock)
+        self.limit, knock = (float(x) for x in power_limits(torch.from_numpy(every)))
+        known = torch.from_numpy(np.concatenate((self.before, power)))
+        out = beyond(known, self.limit, knock, self.run)[len(self.before) :].to(now.device)
         done = np.sort(power[:settled])
         self.powers = np.insert(self.powers, np.searchsorted(self.powers, done), done)
         self.before = np.concatenate((self.before, power[:settled]))[-self.run :]
         block = torch.arange(now.shape[1], device=now.device) // length
-        return rests.to(now.device)[block.clamp(max=len(power) - 1)]
+        return out[block.clamp(max=len(power) - 1)]

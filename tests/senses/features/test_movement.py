@@ -75,10 +75,10 @@ def test_knocks_are_left_out_unless_they_recur(number, cut, rest):
     stroke, samples = noise(5, rate=2000), torch.arange(100)
     for place in range(number):
         begin = 1000 + 1500 * place  # the first sample of a block
-        stroke[:, begin : begin + 100] += 30 * torch.exp(-samples / 20) * torch.cos(samples)
+        stroke[:, begin : begin + 100] += 40 * torch.exp(-samples / 20) * torch.cos(samples)
     trace = torch.cat((stroke, 1e-3 * noise(rest, rate=2000, seed=1)), dim=1)
     found = moving(trace, 2000)
-    assert abs(found.shape[1] - (10_000 - 100 * number * cut)) <= 100 * (rest > 0)
+    assert abs(found.shape[1] - (10_000 - 300 * number * cut)) <= 100 * (rest > 0)
     assert (found.abs().max() < 6) == cut
 
 

@@ -19,7 +19,7 @@ KNOWN_SECONDS = SEARCH_SECONDS + SETTLING_SECONDS + QUIET_SECONDS  # then nothin
 BLOCK_SECONDS = 0.05  # over which it is judged whether the tool moves
 REST_SECONDS = 0.4  # a shorter pause, as where a stroke turns, belongs to the movement
 REST_POWER = 0.002  # of the loud blocks' power; in a stroke it falls to 0.003 for 0.3 s at most
-KNOCK_POWER = 20.0  # of the power of loud blocks of the movement
+KNOCK_POWER = 40.0  # of the power of loud blocks of the movement
 KNOCK_BLOCKS = 40  # of which one may be a knock: more recur, and are what was recorded
 LOUD = 9  # tenths of the blocks that are quieter than what is called loud: so many may be rest
 
@@ -71,7 +71,8 @@ def left_out_blocks(trace: Tensor, sampling_rate: float, length: int) -> Tensor:
     """Return which blocks (blocks,) of a signal belong to a rest, or are a knock.
 
     A rest is at least 0.4 s of blocks whose power without their mean is far below that of the loud
-    ones. A knock is a block far above the loud ones of the movement, if only one in two seconds is.
+    ones. A knock is a block far above the loud ones of the movement, with those beside it, if only
+    one in two seconds is.
 
     Args:
         trace: (axes, samples), at least one block long.
@@ -79,8 +80,8 @@ def left_out_blocks(trace: Tensor, sampling_rate: float, length: int) -> Tensor:
         length: Samples of a block.
     """
     power = block_power(trace, length)
-    rest, knock = power_limits(power.sort().values)
-    return in_runs(power < rest, run_length(sampling_rate, length)) | (power > knock)
+    limits = power_limits(power.sort().values)
+    return beyond(power, *limits, run_length(sampling_rate, length))
 
 
 def power_limits(ordered: Tensor) -> tuple[Tensor, Tensor]:
@@ -96,6 +97,19 @@ def power_limits(ordered: Tensor) -> tuple[Tensor, Tensor]:
     knocks = (ordered > KNOCK_POWER * loud).sum()
     few = KNOCK_BLOCKS * knocks <= last + 1 - quiet
     return rest, torch.where(few, KNOCK_POWER * loud, torch.inf)
+
+
+def beyond(power: Tensor, rest: Tensor | float, knock: Tensor | float, run: int) -> Tensor:
+    """Return which blocks (blocks,) of some power are in a rest, or in or beside a knock.
+
+    Args:
+        power: (blocks,).
+        rest: Power below which ``run`` blocks in a row are a rest.
+        knock: Power above which one is a knock.
+        run: Number of blocks.
+    """
+    knocks = pad((power > knock).long(), (1, 1))
+    return in_runs(power < rest, run) | (sums(knocks, 3) > 0)
 
 
 def of_samples(blocks: Tensor, samples: int, length: int) -> Tensor:
