@@ -269,3 +269,20 @@ def test_folds_of_a_table_are_for_all_and_divide_no_group_in_silence():
     assert "divide 1 groups, 2 into folds 0, 2" in note
     with pytest.raises(UserError, match="no fold; give every recording one, or none"):
         checked_table(Recordings((*fixed[:-1], ROWS[-1])), "Mine")
+
+
+def test_files_that_are_where_they_are_named_are_not_looked_for(tmp_path, monkeypatch):
+    """Names alone are, once for all lines."""
+    for name in ("a.wav", "b.wav", "c.wav"):
+        path = tmp_path / "deep" / name
+        path.parent.mkdir(exist_ok=True)
+        path.touch()
+    walked = []
+    every = Path.rglob
+    monkeypatch.setattr(Path, "rglob", lambda *told: walked.append(told) or every(*told))
+    lines = "label,modality,path,group\nw,haptic,deep/a.wav,0\nw,haptic,deep\\b.wav,1\n"
+    assert len(read_manifest(manifest(tmp_path, lines))) == 2
+    assert walked == []
+    table = read_manifest(manifest(tmp_path, lines + "w,haptic,c.wav,2\nw,haptic,d.wav,3\n"))
+    assert [row.path.name for row in table if row.path.is_file()] == ["a.wav", "b.wav", "c.wav"]
+    assert len(walked) == 1

@@ -70,9 +70,8 @@ def read_manifest(path: str | Path) -> Recordings:
     path = Path(path)
     delimiter, names, lines = _read_lines(path)
     _check_names(path, names)
-    rows = [
-        _read_line(_Files(path.parent), where, line, delimiter) for where, line in lines.items()
-    ]
+    files = _Files(path.parent)
+    rows = [_read_line(files, where, line, delimiter) for where, line in lines.items()]
     check_distinct(f"Manifest {path}", rows)
     if not rows:
         raise UserError(f"Manifest {path} lists no recordings; add lines {','.join(COLUMNS)}.")
@@ -122,10 +121,12 @@ class _Files:
 
     def find(self, name: str) -> Path:
         """Return a file, whose name may have blanks around it, be as of Windows, or be bare."""
-        forms = (name, name.strip(), PureWindowsPath(name.strip()).as_posix())
-        near = (path for each in forms if is_file(path := self.folder / each))
-        below = self._below.get(name.strip(), [])
-        return next(near, below[0] if len(below) == 1 else self.folder / name)
+        plain = PureWindowsPath(name.strip())
+        for each in (name, name.strip(), plain.as_posix()):
+            if is_file(path := self.folder / each):
+                return path
+        below = self._below.get(plain.name, []) if plain.name == name.strip() else []
+        return below[0] if len(below) == 1 else self.folder / name
 
     @cached_property
     def _below(self) -> dict[str, list[Path]]:
