@@ -3,7 +3,7 @@
 Samples, frames and fragments that cannot change any more are added up and dropped. The first
 :data:`EXACT_SECONDS` are classified as a recording is. After that, a network on spectrograms gives
 the vote of the recording so far, but for rounding. The vote by band proportions may differ a little
-from it: fragments end at multiples of their length, and a rest is judged once, after
+from it: fragments end at multiples of their length, and a rest or a knock is judged once, after
 :data:`~.movement.REST_SECONDS`. Fragments that turn out to be rests, since louder movement follows,
 are subtracted again.
 """
