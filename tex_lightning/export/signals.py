@@ -87,7 +87,7 @@ def without_rests(trace: Tensor, sampling_rate: float, least: int) -> Tensor:
 
 
 def before_last_rest(trace: Tensor, sampling_rate: float, least: int) -> Tensor:
-    """Return a signal (axes, samples) without a rest at its end likewise."""
+    """Return a signal (axes, samples) without a rest or a knock at its end likewise."""
     length = block_length(sampling_rate)
     if length is None:
         return trace

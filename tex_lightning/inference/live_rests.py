@@ -8,10 +8,10 @@ from torch import Tensor
 
 from tex_lightning.data.decode import Array
 from tex_lightning.senses.features.movement import (
-    beyond,
     block_length,
     block_power,
     power_limits,
+    rests_and_knocks,
     run_length,
 )
 
@@ -68,7 +68,9 @@ class LiveRests:
         every = np.insert(self.powers, np.searchsorted(self.powers, np.sort(power)), np.sort(power))
         self.limit, knock = (float(x) for x in power_limits(torch.from_numpy(every)))
         known = torch.from_numpy(np.concatenate((self.before, power)))
-        out = beyond(known, self.limit, knock, self.run)[len(self.before) :].to(now.device)
+        out = rests_and_knocks(known, self.limit, knock, self.run)[len(self.before) :].to(
+            now.device
+        )
         done = np.sort(power[:settled])
         self.powers = np.insert(self.powers, np.searchsorted(self.powers, done), done)
         self.before = np.concatenate((self.before, power[:settled]))[-self.run :]

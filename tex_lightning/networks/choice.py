@@ -26,6 +26,7 @@ MIN_RELIABILITY = 0.05  # of one recording's score
 MANY = 5  # recordings of a class, from which on its scores are as large as with more
 MAX_THINNED = 50  # classes that reliability is measured on
 MAX_ROWS = 600  # that settings are chosen on
+MANY_ROWS = 2400  # of which a tenth tells the scale of scores better than those: it falls with them
 LEAST_ROWS, SOME_CLASSES = 5, 60  # of a class; where fewer are left of each, so many classes
 
 
@@ -187,7 +188,8 @@ class LineFit:
     ) -> float:
         """Return the scale of scores as :func:`sharpness_of` does, by the largest part alone.
 
-        All classes are told apart, and by all rows: by more of them scores become smaller.
+        The classes are too many for a fit without each part, or the rows: by more of these scores
+        become smaller.
 
         Args:
             ridge: Of the rows of all classes.
@@ -295,7 +297,7 @@ def fit_line(
     factors = factors_of(one, counts)
     scores = fit.left_out_scores(choice, factors)
     whole = Ridge(rows, labels, classes, changes, levels)
-    if len(some) == len(labels):
+    if nth == 1 and len(labels) < MANY_ROWS:
         sharpness = sharpness_of(scores, few, parts, SHARPNESS)
     else:
         factors = factors_of(one, count_units(labels, left_out.units, classes))

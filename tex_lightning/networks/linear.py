@@ -213,6 +213,7 @@ class LinearNet(nn.Module):
         counted = recordings or range(len(labels))
         given = labels = labels.cpu()
         rows, labels, left_out = _rows(inputs, labels, groups or counted, counted)
+        whole = len(rows) == len(inputs)  # else fragments
         usual = statistics.median(features.shape[-1] for features in inputs)
         mean, deviation = rows.mean(dim=0), rows.std(dim=0, correction=0)
         scale = torch.where(deviation > MIN_DEVIATION, 1 / deviation, 0)
@@ -235,11 +236,11 @@ class LinearNet(nn.Module):
         self.whitening.copy_(line.whitening)
         gate: RangeGate = self.head.scores[0]  # type: ignore[index]
         gate.limits.copy_(gate.limits_of(rows))
-        gate.fragments.fill_(usual if len(rows) == len(inputs) else 1)
+        gate.fragments.fill_(usual if whole else 1)
         weights, bias = line.enlarged(share)
         self.score_layer.weight.copy_(weights[:, :, None, None])
         self.score_layer.bias = nn.Parameter(bias.to(self.score_layer.weight))
-        self._fit_planes(inputs, labels, line, whole=len(rows) == len(inputs) and usual >= 2)
+        self._fit_planes(inputs, labels, line, whole=whole and usual >= 2)
         other: GainlessLine = self.head.scores.gainless  # type: ignore[assignment]
         other.fit(line, gainless if self.head.scores.is_linear else None, rows, share)
         most = int(usual * SHORT_PART)
@@ -247,7 +248,7 @@ class LinearNet(nn.Module):
         within.take(None)
         if self.head.scores.is_linear and not self.levels:  # they tell much by their range
             means = rows
-            if len(rows) > len(inputs):
+            if not whole:
                 every = torch.split(rows, [features.shape[-1] for features in inputs])
                 means = torch.stack([fragments.mean(dim=0) for fragments in every])
             within.fit(means, len({*counted}), most)

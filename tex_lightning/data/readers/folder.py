@@ -105,18 +105,20 @@ def read_folder(root: str | Path) -> Recordings:
     rows: list[Recording] = []
     notes: list[str] = []
     others: list[Path] = []
+    deeper: list[Path] = []
     for directory in _class_folders(root, notes):
         recordings = _read_class(directory, notes)
         deep = _deeper(directory, recordings)
         others += (path for path in _others(directory, recordings) if path not in deep)
-        if deep:
-            notes.append(f"Too deep and not read: {count_kinds(deep)}; {advise(root, deep)}.")
-        elif not recordings:
+        deeper += deep
+        if not deep and not recordings:
             notes.append(f"Class folder {directory} is skipped: it has no trace and no photo.")
         rows += recordings
     counted = [f"Of other kinds and not read: {count_kinds(others)}."] if others else []
     if not rows:
         raise UserError(_nothing_in(root, others, counted))
+    if deeper:
+        notes.append(f"Too deep and not read: {count_kinds(deeper)}; {advise(root, deeper)}.")
     check_sensors(root, rows)
     table = without_versions(root, rows)
     return Recordings(table.rows, (*notes, *counted, *table.notes, *doubts(root, table.rows)))

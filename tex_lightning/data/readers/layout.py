@@ -61,9 +61,8 @@ def advise(root: Path, paths: Sequence[Path], name: str = "*") -> str:
         paths: Some of the recordings.
         name: Pattern of their names.
     """
-    for table in tables_of_labels(root):
-        if {row.path for row in table} & {path.resolve() for path in paths}:
-            return table.notes[-1]
+    if named := _named_in(root, paths):
+        return named
     folders = {path: path.relative_to(root).parts[:-1] for path in paths}
     kept = {p: f for p, f in folders.items() if not f or not is_called(f[0], ASIDE - SPLITS)}
     plain = [
@@ -92,8 +91,15 @@ def hint(root: str | None, rows: Iterable[Recording]) -> list[str]:
     deep = [
         p for p in paths if sum(not _is_sense(part) for part in p.relative_to(folder).parts) > 2
     ]
-    text = advise(folder, deep or paths) if paths else ""
-    return [f"{text[:1].upper()}{text[1:]}."] if deep or text.startswith("the table") else []
+    text = advise(folder, deep) if deep else _named_in(folder, paths) if paths else ""
+    return [f"{text[:1].upper()}{text[1:]}."] if text else []
+
+
+def _named_in(root: Path, paths: Sequence[Path]) -> str:
+    """Say which table in a folder names some of the recordings and their classes; empty if none."""
+    known = {path.resolve() for path in paths}
+    tables = (table for table in tables_of_labels(root) if {row.path for row in table} & known)
+    return next((table.notes[-1] for table in tables), "")
 
 
 def _levels_of_classes(levels: Sequence[Sequence[str]]) -> list[int | None]:

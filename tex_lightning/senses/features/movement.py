@@ -81,7 +81,7 @@ def left_out_blocks(trace: Tensor, sampling_rate: float, length: int) -> Tensor:
     """
     power = block_power(trace, length)
     limits = power_limits(power.sort().values)
-    return beyond(power, *limits, run_length(sampling_rate, length))
+    return rests_and_knocks(power, *limits, run_length(sampling_rate, length))
 
 
 def power_limits(ordered: Tensor) -> tuple[Tensor, Tensor]:
@@ -99,7 +99,9 @@ def power_limits(ordered: Tensor) -> tuple[Tensor, Tensor]:
     return rest, torch.where(few, KNOCK_POWER * loud, torch.inf)
 
 
-def beyond(power: Tensor, rest: Tensor | float, knock: Tensor | float, run: int) -> Tensor:
+def rests_and_knocks(
+    power: Tensor, rest: Tensor | float, knock: Tensor | float, run: int
+) -> Tensor:
     """Return which blocks (blocks,) of some power are in a rest, or in or beside a knock.
 
     Args:
