@@ -98,6 +98,7 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(group):
         (["model.haptic.widht=2"], "no key model.haptic.widht (did you mean model.haptic.width"),
         (["task=fit", "modle=haptic", "--help"], "no key modle (did you mean model?)"),
         (["+extra=1"], "There is no key extra"),
+        (["task=predict", "checkpoint=a", "force=A.wav"], "with a plus sign, as +force=FILE"),
         (["lr=0.1"], "no key lr (did you mean model.haptic.fit.learning_rate or "),
         (["model=lbp", "model.senses=[haptic]"], "lbp looks at a photo, and haptic is a signal"),
         # what is not there

@@ -104,6 +104,8 @@ def test_trust_holds_for_the_process(tmp_path, monkeypatch):
     path = write(tmp_path, {"senses.haptic.network._target_": "theirs.Net"})
     with pytest.raises(tl.UserError, match=r"theirs is not trusted: give trusted=\[theirs\]"):
         tl.load(path)
+    with pytest.raises(tl.UserError, match=r"trusted is 'theirs'; give a list, as in \['theirs'\]"):
+        tl.load(path, trusted="theirs")
     trust("theirs")
     assert type(tl.load(path).classifier.network).__name__ == "Net"
 

@@ -29,11 +29,16 @@ def check(*overrides: str, senses: str = "force") -> None:
 @pytest.mark.parametrize(
     ("override", "said"),
     [
-        ("+model.force.fit.epohcs=1", r"model\.force: .*epohcs"),
+        ("+model.force.fit.epohcs=1", r"no key .*\(did you mean model\.force\.fit\.epochs\?\)"),
+        ("+model.force.netwrk.channels=4", r"\(did you mean model\.force\.network\?\)"),
+        ("+model.force.widht=4", "no key model.force.widht"),
+        ("model.force.fit.epochs=-1", r"model\.force\.fit\.epochs is -1: give a number in \[0"),
+        ("model.force.fit.epochs=few", r"model\.force\.fit\.epochs cannot be used: Value 'few'"),
+        ("model.force.network=null", r"network cannot be used: it takes no null.*the command or"),
         ("+model.fusion.forc_checkpoint=a", r"did you mean force_checkpoint\?"),
     ],
 )
-def test_a_key_that_nothing_reads_is_refused(override, said):
+def test_a_key_or_value_that_nothing_reads_is_refused(override, said):
     with pytest.raises(UserError, match=said):
         check(override)
 

@@ -151,6 +151,6 @@ def test_baselines_that_keep_their_contract_pass_and_what_they_raise_is_theirs()
     try_loudness("")
     with pytest.raises(KeyError) as caught:
         try_loudness("misnamed")
-    line = "model.baseline (Loudness) raised KeyError: a baseline has fit("
+    line = "model.baseline (Loudness) raised KeyError; a baseline has fit("
     assert fault_of(caught.value).startswith(line)
     assert traceback.extract_tb(caught.tb)[-1].filename.endswith("own_baselines.py")

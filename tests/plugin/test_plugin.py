@@ -14,6 +14,7 @@ from PIL import Image
 import tex_lightning as tl
 from tex_lightning.classifier.checkpoint import read_checkpoint
 from tex_lightning.config.user_folders import use_config_dir
+from tex_lightning.inference.engine import count_macs, sample_macs
 
 HERE = Path(__file__).parent
 CONF = ["--config-dir", HERE / "my_ext" / "conf"]
@@ -88,7 +89,7 @@ def test_a_perturbation_of_the_user_is_tried_before_any_trial(cli, run, data, tm
         f"stability.severities=[{tmp_path}/own.yaml]", f"hydra.run.dir={tmp_path}/r",
     )  # fmt: skip
     assert outcome.status == 1
-    said = "Error: mine of image in stability.severities (shatters) raised KeyError: a perturbation"
+    said = "Error: mine of image in stability.severities (shatters) raised KeyError; a perturbation"
     assert said in outcome.err
     assert 'raise KeyError("boom of a user")' in outcome.err
 
@@ -115,6 +116,14 @@ def test_it_evaluates_predicts_and_is_perturbed(cli, run, data, flat, tmp_path):
     assert [*tried][-2:] == ["drift", "stains"]
 
 
+def test_arithmetic_of_an_own_trunk_is_that_of_its_scores_alone(run):
+    visual = run / "checkpoints" / "visual.ckpt"
+    classifier = tl.load(visual, trusted=["my_ext"]).classifier
+    photo = torch.from_numpy(make_photo(0, 0))
+    counted = sample_macs(classifier, image=photo)
+    assert counted == count_macs(lambda: classifier.logits(image=photo)) > 0
+
+
 def test_photos_with_features_of_the_user_train_and_predict(cli, run_once, data, flat):
     augmentation = "{_target_: kornia.augmentation.RandomHorizontalFlip, p: 1}"
     given = ["model=fusion", "model.senses=[grey]", f"+model.grey.fit.augmentation={augmentation}"]
@@ -137,6 +146,11 @@ def test_a_baseline_of_the_user_is_fitted_and_loaded(cli, data, flat, monkeypatc
     outcome = cli(*CONF, *given, "trusted=[my_ext]")
     assert json.loads(outcome.out)["label"] == "beta"
     assert tl.load(tmp_path, trusted=["my_ext"]).classifier.baseline.power == 1
+    export = ["task=export", "trusted=[my_ext]", f"export.out={tmp_path}/card"]
+    assert not cli(*given[:1], *export, "export.format=card").status
+    card = (tmp_path / "card" / "MODEL_CARD.md").read_text()
+    assert 'tl.load("visual.ckpt", trusted=["my_ext"]).predict(image="FILE")' in card
+    assert "onnx" not in card
 
 
 def test_help_and_near_matches_know_the_users_files(cli, tmp_path):

@@ -139,6 +139,7 @@ def make_job(tmp_path, *overrides: str) -> Job:
     [
         (["frontier.only=[minirocket]"], "minirocket needs aeon.*is not installed"),
         (["frontier.senses=[haptic,taste]"], "frontier.senses is taste"),
+        (["model=visual"], "No system of this family has model=visual; choose a family"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(overrides, message, tmp_path, monkeypatch):

@@ -5,21 +5,20 @@ need each other are in :mod:`.rules`. All complaints are made at once, before an
 class rejects it says itself when it is made.
 """
 
+import re
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from typing import Any
 
 from omegaconf import MISSING, DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from omegaconf.errors import ConfigKeyError, OmegaConfBaseException
 
 from tex_lightning.config import READ_FILES, Config, ModelConfig, flatten, trunk_name
 from tex_lightning.config.instantiation import TARGET, find_class
 from tex_lightning.config.keys import choice
-from tex_lightning.config.mistakes import unknown_key
+from tex_lightning.config.mistakes import refusal, unknown_key
 from tex_lightning.config.model import (
     CHECKPOINT,
-    FUSION,
-    PACKAGE_SENSES,
     PhotoConfig,
     SenseConfig,
     SignalConfig,
@@ -27,7 +26,7 @@ from tex_lightning.config.model import (
 from tex_lightning.config.nodes import as_taken, node_complaints, shared_complaints, takes
 from tex_lightning.config.rules import RULES
 from tex_lightning.config.signatures import misfits
-from tex_lightning.errors import UserError, reason
+from tex_lightning.errors import UserError
 
 SCHEMAS = {"signal": SignalConfig, "photo": PhotoConfig}  # by the medium of a sense
 
@@ -56,13 +55,14 @@ def read_config(composed: DictConfig) -> Config:
     model = config.model
     for name, node in vars(model).items():
         if isinstance(node, dict) and TARGET in node and name != "baseline":
-            setattr(model, name, _custom_sense(name, node, model.budget))
+            setattr(model, name, _custom_sense(name, node, composed))
     for section in map(model.sense, model.known):
         vars(section).update(as_taken(section.node))
     for name in _further_keys(config):
-        if "." in name or config.task not in READ_FILES:  # where a key names files of a sense
+        if "." not in name and config.task in READ_FILES:  # where a key names files of a sense
+            config.own[name] = getattr(config, name)
+        elif not (name.startswith("model.") and _is_referred_to(name, composed)):
             raise unknown_key(name, composed)
-        config.own[name] = getattr(config, name)
     for name in model.senses:
         if name not in model.known:
             raise UserError(
@@ -80,21 +80,25 @@ def missing_keys(composed: DictConfig) -> list[str]:
 
 
 def _further_keys(section: Any, prefix: str = "") -> Iterator[str]:  # noqa: ANN401
-    """Yield the keys beside those of the schema that neither Lightning nor a user's sense reads."""
+    """Yield the keys beside the schema's that neither Lightning nor a class of a sense reads."""
     known = {key.name for key in fields(section)}
     for name, value in vars(section).items():
         if is_dataclass(value):
-            custom = prefix == "model." and name not in PACKAGE_SENSES and name != FUSION
-            yield from (
-                () if custom or name == "trainer" else _further_keys(value, f"{prefix}{name}.")
-            )
+            yield from () if name == "trainer" else _further_keys(value, f"{prefix}{name}.")
         elif isinstance(section, SenseConfig) and takes(section.node, name, *section.classes):
             continue
         elif name not in known and not (prefix == "model.fusion." and name.endswith(CHECKPOINT)):
             yield f"{prefix}{name}"
 
 
-def _custom_sense(name: str, node: dict[str, Any], budget: float) -> SenseConfig:
+def _is_referred_to(name: str, composed: DictConfig) -> bool:
+    """Return whether a value is an interpolation of a key, as of one that two classes share."""
+    values: Any = OmegaConf.to_container(composed, resolve=False)
+    pattern = re.compile(rf"\$\{{[^}}]*\b{re.escape(name.rpartition('.')[2])}\b")
+    return any(isinstance(x, str) and pattern.search(x) for x in flatten(values).values())
+
+
+def _custom_sense(name: str, node: dict[str, Any], composed: DictConfig) -> SenseConfig:
     where = f"model.{name}"
     medium = getattr(find_class(where, node), "medium", None)
     if medium not in SCHEMAS:
@@ -107,11 +111,16 @@ def _custom_sense(name: str, node: dict[str, Any], budget: float) -> SenseConfig
         OmegaConf.set_struct(section, False)  # further keys are offered to its classes
     try:
         merged = OmegaConf.merge(schema, node)
-        merged.fit.steps_per_epoch = max(1, round(budget * merged.fit.steps_per_epoch))
+        steps = composed.model.budget * merged.fit.steps_per_epoch
+        merged.fit.steps_per_epoch = max(1, round(steps))
         sense: SenseConfig = OmegaConf.to_object(merged)  # type: ignore[assignment]
+    except ConfigKeyError as error:
+        raise unknown_key(f"{where}.{error.full_key}", composed) from error
     except OmegaConfBaseException as error:
         raise UserError(
-            f"{where}: {reason(str(error).splitlines()[0])}; correct conf/sense/{name}.yaml."
+            f"{where}.{error.full_key}".rstrip(".")
+            + f" cannot be used: {refusal(str(error).splitlines()[0])}; "
+            f"correct it in the command or in conf/sense/{name}.yaml."
         ) from error
     return sense
 
@@ -130,7 +139,7 @@ def check_config(config: Config) -> None:
 
 def _values(section: Any, prefix: str = "") -> Iterator[str]:  # noqa: ANN401
     """Yield a complaint for each value of the sections that their fields do not take."""
-    values = {entry.name: getattr(section, entry.name) for entry in fields(section)}
+    values = vars(section)  # senses of a user beside the fields
     yield from misfits(prefix, type(section), values)
     for name, value in values.items():
         if is_dataclass(value):

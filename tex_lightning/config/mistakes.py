@@ -11,7 +11,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
-from tex_lightning.config import CONF, variants
+from tex_lightning.config import CONF, READ_FILES, variants
 from tex_lightning.config.keys import nearest
 from tex_lightning.core.contract import fault_of
 from tex_lightning.core.files import UNWRITABLE, unwritable
@@ -92,10 +92,15 @@ def explain(error: Exception) -> UserError:
 
 def unknown_key(key: str, config: DictConfig) -> UserError:
     """Return the error for a key that there is not."""
-    near = " or ".join(_near_keys(key, config))
+    near = [name for name in _near_keys(key, config) if name != f"model.{key}"]  # a sense
+    if key.isidentifier() and not near and config.get("task") in READ_FILES:
+        return UserError(
+            f"There is no key {shorten(key)}; files of a modality of your own are given with a "
+            f"plus sign, as +{key}=FILE, and `python -m tex_lightning --help=all` lists all keys."
+        )
+    meant = f" (did you mean {' or '.join(near)}?)" if near else ""
     return UserError(
-        f"There is no key {shorten(key)}{near and f' (did you mean {near}?)'}; "
-        "`python -m tex_lightning --help=all` lists all."
+        f"There is no key {shorten(key)}{meant}; `python -m tex_lightning --help=all` lists all."
     )
 
 
@@ -126,10 +131,16 @@ def _names(values: dict[Any, Any], prefix: str = "") -> Iterator[str]:
             yield from _names(value, f"{prefix}{name}.")
 
 
+def refusal(line: str) -> str:
+    """Return what OmegaConf says of a value in words of the command line."""
+    line = re.sub("^field '.*' is not Optional$", "it takes no null, give a value", line)
+    return re.sub(f".*{NO_LIST}.*", "give a list, as in [A,B]", line)
+
+
 def _one_line(error: Exception) -> str:
     """Return the messages of an error and its cause as one line that ends in a full stop."""
     lines = [line for part in (error, error.__cause__) if part for line in str(part).splitlines()]
     kept = [line.strip().rstrip(".") for line in lines if not line.strip().startswith(NOISE)]
     kept = [re.sub("^Error merging override (.*)", r"\1 cannot be used", line) for line in kept]
-    kept = [re.sub(f".*{NO_LIST}.*", "give a list, as in [A,B]", line) for line in kept]
+    kept = [refusal(line) for line in kept]
     return "; ".join(dict.fromkeys(map(shorten, filter(None, kept)))) + "."

@@ -54,7 +54,7 @@ def calling(key: str, kind: str, part: object) -> Iterator[None]:
     except UserError:
         raise
     except Exception as error:
-        _note(error, f"{key} ({_name(part)}) raised {type(error).__name__}: {CONTRACTS[kind]}.")
+        _note(error, f"{key} ({_name(part)}) raised {type(error).__name__}; {CONTRACTS[kind]}.")
         raise
 
 

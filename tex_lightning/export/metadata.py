@@ -9,6 +9,7 @@ from typing import Any
 from tex_lightning import __version__
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.config.instantiation import PACKAGE, named_classes
 from tex_lightning.core.files import read_record
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.errors import listed
@@ -102,17 +103,19 @@ def model_card(classifier: SurfaceClassifier, checkpoint: Path) -> str:
     card, results = classifier.card, _results(checkpoint)
     entry = results.get("networks", {}).get(card.kind, {})
     networks = {sense.title: None for sense in classifier.senses.values()}
+    packages = {name.partition(".")[0] for name in named_classes([card.senses, card.baseline])}
     context = {
         "card": card,
         "results": results,
         "entry": entry,
-        "networks": listed(list(networks)),
+        "networks": card.title if card.baseline else listed(list(networks)),
         "fused": f", fused on {card.fusion['level'].upper()}" if classifier.fusion else "",
         "kept": max((len(next(rows.buffers())) for rows in classifier.rows.values()), default=0),
         "parameters": classifier.count_parameters(),
         "version": __version__,
         "sources": card.trained_on.get("trunks") or {},
         "checkpoint": printable(checkpoint.name).replace("`", "'"),  # which would end the block
+        "trusted": sorted(packages - {PACKAGE.partition(".")[0]}),
         "inputs": ", ".join(f'{printable(name)}="FILE"' for name in card.modalities),
     }
     return render(TEMPLATE, context)

@@ -19,7 +19,7 @@ from tex_lightning.config.mistakes import MISTAKES, explain
 from tex_lightning.core.devices import pick_device, synchronise, use_tf32
 from tex_lightning.core.run_folder import find_checkpoint
 from tex_lightning.data.decode import SignalDecoder
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, shorten
 from tex_lightning.inference.early_stopping import Deciders
 from tex_lightning.inference.prediction import Prediction, check_unknown, make_prediction
 from tex_lightning.inference.stream import LiveStream
@@ -51,6 +51,8 @@ def load(path: str | Path, *overrides: str, trusted: Sequence[str] = ()) -> "Pre
         >>> model.card.classes
         ['a', 'b', 'c']
     """
+    if isinstance(trusted, str):  # else each of its letters would be trusted
+        raise UserError(f"trusted is {shorten(repr(trusted))}; give a list, as in [{trusted!r}].")
     config = _compose(path, overrides)
     trust(*config.trusted, *trusted)
     return Predictor(load_classifier(find_checkpoint(path)), config)

@@ -14,7 +14,7 @@ from tex_lightning.config.check import check_config, read_config
 from tex_lightning.config.composition import Job
 from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.core.progress import Stage
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, shorten
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
 from tex_lightning.inference.early_stopping import SEQUENTIAL
 from tex_lightning.report.table import model_label
@@ -71,6 +71,7 @@ def compose_family(config: Config, job: Job) -> list[System]:
     """
     systems = {**_subsets(config, job), **config.frontier.systems}
     family = {name: text.split() for name, text in systems.items() if text is not None}
+    _check_model(family, job)
     only = config.frontier.only or list(family)
     if unknown := [name for name in only if name not in family]:
         raise UserError(
@@ -80,6 +81,22 @@ def compose_family(config: Config, job: Job) -> list[System]:
     composed = [compose_system(name, family[name], job) for name in family if name in only]
     label_systems(composed)
     return composed
+
+
+def _check_model(family: Mapping[str, Sequence[str]], job: Job) -> None:
+    """Reject a model that the user gives and no system of the family has.
+
+    Raises:
+        UserError: If there is one; it would have no effect.
+    """
+    asked = [item for item in job.overrides if _key(item) == "model"][-1:]
+    named = [item for overrides in family.values() for item in overrides if _key(item) == "model"]
+    if asked and len(named) == len(family) and asked[0] not in named:
+        raise UserError(
+            f"No system of this family has {shorten(asked[0])}; choose a family, such as "
+            "frontier=visual, or add a system to it, as in "
+            f"'+frontier.systems.mine=\"{shorten(asked[0])}\"'."
+        )
 
 
 def label_systems(systems: Sequence[System]) -> None:

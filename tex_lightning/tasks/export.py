@@ -55,7 +55,8 @@ def export_classifier(
         UserError: If it cannot be exported, the file gives other scores than the checkpoint, or
             a file that no export wrote would be written over.
     """
-    if classifier.card.baseline:
+    card = config.export.format == "card"
+    if classifier.card.baseline and not card:
         raise UserError(
             f"Checkpoint {checkpoint} holds {classifier.card.title}, which computes outside of "
             "PyTorch; export one of this package's networks."
@@ -67,7 +68,6 @@ def export_classifier(
     if config.export.format == "web":
         runtime = runtime_files(config.export.web_runtime, cache_root(config.data.cache_dir))
         page = page_files(metadata(classifier), runtime)
-    card = config.export.format == "card"
     file = out / ("MODEL_CARD.md" if card else f"{classifier.card.kind}.onnx")
     files = _claimed(out, [RECORD, file.name, *page])
     if card:
