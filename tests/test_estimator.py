@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 import torch
 from conftest import CLASSES, RATE, SHORT_WINDOWS, make_photo, make_trace
+from PIL import Image
 from sklearn.base import clone, is_classifier
 from sklearn.calibration import CalibratedClassifierCV
 from sklearn.exceptions import NotFittedError
@@ -19,6 +20,8 @@ from sklearn.pipeline import make_pipeline
 from sklearn.utils.estimator_checks import estimator_checks_generator
 
 import tex_lightning as tl
+from tex_lightning.data.readers.arrays import samples_of, write_samples
+from tex_lightning_runtime.pixels import as_pixels
 
 SLOW_RATE = 1000
 TIME = np.arange(2 * SLOW_RATE) / SLOW_RATE
@@ -35,10 +38,10 @@ QUICK = ("check_dict_unchanged", "check_supervised_y_2d", "check_estimators_over
 class OfTones(tl.Estimator):
     """Take each number of a table as the strength of a tone, since a few samples are no stroke."""
 
-    def _samples(self, X, modalities, *, reset):
+    def _samples(self, X, modalities):
         return [
             {"haptic": self.tones(np.asarray(sample["haptic"], float))}
-            for sample in super()._samples(X, modalities, reset=reset)
+            for sample in super()._samples(X, modalities)
         ]
 
     @staticmethod
@@ -238,8 +241,93 @@ def test_what_is_wrong_is_one_sentence_and_a_value_error(fitted, strokes):
     for missing in (None, np.nan, pd.NA):
         with pytest.raises(ValueError, match=r"groups holds .* for sample 1"):
             clone(fitted).fit(x, y, groups=[0, missing, *range(10)])
+        with pytest.raises(ValueError, match=r"y holds .* for sample 1"):
+            clone(fitted).fit(x, ["a", missing, *"abababababa"[:10]])
+        for form in ([x[0], missing, *x[2:]], pd.Series([x[0], missing, *x[2:]])):
+            with pytest.raises(ValueError, match="Recording 1 of X: it is missing"):
+                clone(fitted).fit(form, y)
+        with pytest.raises(ValueError, match="Recording 1 of X: There is nothing to classify"):
+            fitted.predict([x[0], missing])
+    for way in (fitted.fit, fitted.predict_proba):
+        with pytest.raises(ValueError, match="Recording 2 of X: haptic holds NaN"):
+            way([*x[:2], np.full(3000, np.nan), *x[3:]], *[y][: way == fitted.fit])
+    for way in (fitted.predict, fitted.predict_proba, fitted.transform, fitted.explain):
+        with pytest.raises(ValueError, match="X holds no recordings"):
+            way([])
     with pytest.raises(ValueError, match="takes haptic and image; give them by name"):
         tl.Estimator("fusion", debug="tiny").fit(x, y)
+
+
+def test_recordings_that_are_all_alike_teach_nothing(fitted, strokes):
+    x, y = strokes
+    for alike in (np.zeros_like(x), np.tile(x[:1], (12, 1))):
+        with pytest.raises(tl.UserError, match="All training recordings are alike"):
+            clone(fitted).fit(alike, y)
+
+
+def test_masked_samples_are_missing_and_any_tensor_is_read(fitted, strokes):
+    x, _ = strokes
+    masked = np.ma.masked_array(x, mask=x > 1)
+    for form in (masked, [*masked]):
+        with pytest.raises(ValueError, match="NaN"):
+            fitted.predict(form)
+    tensor = torch.from_numpy(x).requires_grad_()
+    for form in (tensor, [*tensor], tensor.bfloat16()):
+        assert (fitted.predict(form) == fitted.predict(x)).all()
+
+
+def test_what_pandas_leaves_empty_is_absent(tmp_path):
+    trace, photo = np.ones(9), np.zeros((4, 4, 3), np.uint8)
+    table = pd.DataFrame([{"haptic": trace, "image": photo}, {"image": photo}, {"haptic": pd.NA}])
+    for form in (table, table.to_dict("records"), {name: table[name] for name in table}):
+        found = samples_of(form, ["haptic", "image"])
+        there = [[name for name in row if row[name] is not None] for row in found]
+        assert there == [["haptic", "image"], ["image"], []]
+        with pytest.raises(tl.UserError, match="Recording 2 of X: it is missing"):
+            write_samples(found, ["a", "b", "a"], None, tmp_path)
+
+
+@pytest.mark.parametrize("mode", ["RGBA", "L", "P", "I;16"])
+def test_images_of_pillow_train_in_any_mode(mode, tmp_path):
+    image = Image.fromarray(make_photo(0, 0)).convert("L" if mode == "I;16" else mode).convert(mode)
+    write_samples([{"close_up": image}], ["a"], None, tmp_path)
+    with Image.open(tmp_path / "close_up_0.png") as written:
+        np.testing.assert_array_equal(np.asarray(written), as_pixels(image))
+
+
+def test_the_largest_samples_that_are_read_train(fitted, strokes):
+    x, y = strokes
+    assert clone(fitted).fit(5e8 * x, y).score(5e8 * x, y) == 1
+
+
+def test_what_a_fit_keeps_is_of_the_last_that_succeeded(fitted, strokes):
+    x, y = strokes
+    model = clone(fitted).fit(pd.DataFrame(x).add_prefix("t"), y)
+    with pytest.raises(tl.UserError):
+        model.fit(x[:, :10], y)
+    assert len(model.feature_names_in_) == model.n_features_in_ == x.shape[1]
+    model.fit([*x[:8]], y[:8])
+    assert not {"feature_names_in_", "n_features_in_"} & {*vars(model)}
+
+
+def test_unknown_stands_beside_labels_of_any_type_and_is_wrong(strokes):
+    x, y = strokes
+    numbers = np.array([{"a": 1, "b": 2, "c": 7}[label] for label in y])
+    model = tl.Estimator(rate=SLOW_RATE, **{"decision.unknown": 0.05}).fit(x, numbers)
+    noise = 1e3 * np.random.default_rng(0).standard_normal((1, x.shape[1]))
+    found = model.predict(np.concatenate([x, noise])).tolist()
+    assert found[-1] == "unknown"
+    correct = sum(one == other for one, other in zip(found, numbers, strict=False))
+    assert correct > 6
+    assert model.score([*x, noise[0]], [*numbers.astype(float), 1]) == correct / 13
+
+
+def test_labels_of_new_classes_have_the_type_of_the_others(fitted, strokes):
+    x, y = strokes
+    model = clone(fitted).fit(x[:8], (y[:8] == "a").astype(float))
+    with pytest.raises(ValueError, match="The classes are float64, and y is int64"):
+        model.enroll(x[8:], [4] * 4)
+    assert model.enroll(x[8:], [4.0] * 4).predict(x).tolist() == [1] * 4 + [0] * 4 + [4] * 4
 
 
 @pytest.fixture(scope="module")

@@ -19,10 +19,11 @@ import numpy.typing as npt
 import torch
 from omegaconf import OmegaConf
 from sklearn.base import BaseEstimator, ClassifierMixin, TransformerMixin
+from sklearn.metrics import accuracy_score
 from sklearn.utils import check_array
-from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import (
     _check_feature_names,
+    _check_n_features,
     check_consistent_length,
     check_is_fitted,
     column_or_1d,
@@ -47,13 +48,16 @@ from tex_lightning.data.readers.arrays import (
     MANIFEST,
     Given,
     Sample,
+    by_name,
+    each,
+    groups_of,
     is_table,
+    labels_of,
     samples_of,
     with_rate,
     write_samples,
 )
-from tex_lightning.data.recordings import one_name
-from tex_lightning.errors import InvalidInput, listed
+from tex_lightning.errors import InvalidInput
 from tex_lightning.inference.prediction import Prediction
 from tex_lightning.inference.predictor import Predictor, load
 from tex_lightning.learning.adaptation import adapt, sample_features
@@ -61,6 +65,7 @@ from tex_lightning.studies.fold import open_training, train_model
 from tex_lightning.tasks.enroll import enroll, open_new_classes
 from tex_lightning.tasks.export import export_classifier
 from tex_lightning_runtime.quality import Quality
+from tex_lightning_runtime.samples import readable
 
 Array = npt.NDArray[Any]
 Floats = npt.NDArray[np.float64]
@@ -152,52 +157,60 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         Raises:
             UserError: If the recordings or the settings cannot be used; a ``ValueError``, too.
         """
-        classes, labels = _labels(y)
+        classes, labels = labels_of(y)
         with self._working() as folder:
             overrides = self._overrides(folder)
             composed = compose_config(overrides)
             config = checked_config(composed)
-            samples = self._samples(X, config.model.modalities, reset=True)
+            samples = self._samples(X, config.model.modalities)
             check_consistent_length(samples, labels)
-            known = None if groups is None else _groups(groups, len(samples))
+            known = None if groups is None else groups_of(groups, samples)
             write_samples(samples, labels, known, folder)
             job = Job(tuple(overrides), folder, "python", True, (), OmegaConf.create({"hydra": {}}))
             config, _, job = derive_settings(config, composed, job)
             classifier = self._train(config, job)
             self.classes_, self.predictor_ = classes, Predictor(classifier, config)
+            self._keep_shape(X)
         return self
 
     def predict(self, X: Any) -> Array:  # noqa: ANN401
         """Return a label for each recording; ``unknown`` as text with ``decision.unknown``."""
         with self._using(X) as samples:
-            labels = [self._predicted(sample).label for sample in samples]
-        known = _by_name(self.classes_)
-        rejected = any(label not in known for label in labels)
-        found = [known.get(str(label), label) for label in labels]
-        return np.array(found, dtype=None if rejected else self.classes_.dtype)
+            labels = [str(found.label) for found in each(samples, self._predicted)]
+        known = by_name(self.classes_)
+        dtype = self.classes_.dtype if {*labels} <= known.keys() else object
+        return np.array([known.get(label, label) for label in labels], dtype=dtype)
+
+    def score(self, X: Any, y: Any, sample_weight: Any = None) -> float:  # noqa: ANN401
+        """Return the accuracy of the labels; of a sample of any class ``unknown`` is wrong."""
+        names = {label: name for name, label in by_name(self.classes_).items()}
+        given, found = (
+            [names.get(label, str(label)) for label in labels.tolist()]
+            for labels in (column_or_1d(y), self.predict(X))
+        )
+        return float(accuracy_score(given, found, sample_weight=sample_weight))
 
     def predict_proba(self, X: Any) -> Floats:  # noqa: ANN401
         """Return mean probabilities (samples, classes) over all fragments, which sum to 1."""
         with self._using(X) as samples:
-            found = [self._predicted(sample).probabilities for sample in samples]
-        names = [*_by_name(self.classes_)]
+            found = [found.probabilities for found in each(samples, self._predicted)]
+        names = [*by_name(self.classes_)]
         return np.array([[row[name] for name in names] for row in found], dtype=np.float64)
 
     @torch.inference_mode()
     def transform(self, X: Any) -> Array:  # noqa: ANN401
         """Return embeddings (samples, D): mean features before the class scores, sense by sense."""
         with self._using(X) as samples:
-            classifier = self.predictor_.classifier
-            rows = []
-            for sample in samples:
-                decoded = self._decoded(sample)
-                classifier.require(decoded)
-                parts = [
-                    classifier.embedding(name, decoded[sense.modality][0]).mean(dim=1)
-                    for name, sense in classifier.senses.items()
-                ]
-                rows.append(torch.cat(parts).cpu().numpy())
-        return np.stack(rows)
+            return np.stack([*each(samples, self._embedding)])
+
+    def _embedding(self, sample: Sample) -> Array:
+        classifier, decoded = self.predictor_.classifier, self._decoded(sample)
+        classifier.require(decoded)
+        parts = [
+            classifier.embedding(name, decoded[sense.modality][0]).mean(dim=1)
+            for name, sense in classifier.senses.items()
+        ]
+        return torch.cat(parts).cpu().numpy()
 
     def get_feature_names_out(self, input_features: Any = None) -> Array:  # noqa: ANN401
         """Return names of the columns of :meth:`transform`: the sense and a number."""
@@ -219,23 +232,19 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             without rests where the model leaves them out.
         """
         with self._using(X) as samples:
-            classifier, found = self.predictor_.classifier, []
-            for sample in samples:
-                decoded = self._decoded(sample)
-                found.append(
-                    {
-                        name: self._ordered(classifier, name, decoded[sense.modality][0])
-                        for name, sense in classifier.senses.items()
-                        if sense.modality in decoded
-                    }
-                )
-        return found
+            return [*each(samples, self._explained)]
 
-    def _ordered(self, classifier: SurfaceClassifier, name: str, recording: torch.Tensor) -> Array:
+    def _explained(self, sample: Sample) -> dict[str, Array]:
         """Return probabilities (rows, columns, classes) of fragments in the order of classes."""
-        scores = classifier.fragment_scores(name, recording) / classifier.card.temperature
-        places = [classifier.card.classes.index(label) for label in _by_name(self.classes_)]
-        return scores.softmax(dim=0)[places].movedim(0, -1).cpu().numpy()
+        classifier, decoded = self.predictor_.classifier, self._decoded(sample)
+        places = [classifier.card.classes.index(label) for label in by_name(self.classes_)]
+        found = {}
+        for name, sense in classifier.senses.items():
+            if sense.modality in decoded:
+                scores = classifier.fragment_scores(name, decoded[sense.modality][0])
+                shares = (scores / classifier.card.temperature).softmax(dim=0)
+                found[name] = shares[places].movedim(0, -1).cpu().numpy()
+        return found
 
     def enroll(self, X: Any, y: Any) -> Self:  # noqa: ANN401
         """Add the classes of ``y`` without training anew; all of them have to be new.
@@ -244,10 +253,15 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             UserError: If a class is known, or classes cannot be added to this model.
         """
         check_is_fitted(self)
-        classes, labels = _labels(y, least=1)
-        before = self.predictor_
+        classes, labels = labels_of(y, least=1)
+        before, together = self.predictor_, np.unique(np.concatenate([self.classes_, classes]))
+        if by_name(together).keys() != by_name(self.classes_).keys() | {*labels}:
+            raise InvalidInput(
+                f"The classes are {self.classes_.dtype}, and y is {classes.dtype}; give labels of "
+                "the same type."
+            )
         with self._working() as folder:
-            samples = self._samples(X, before.card.modalities, reset=False)
+            samples = self._samples(X, before.card.modalities)
             check_consistent_length(samples, labels)
             manifest = write_samples(samples, labels, None, folder)
             given = ["task=enroll", as_key_value("checkpoint", manifest)]
@@ -255,7 +269,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             data = checked_config(composed).data
             extended = enroll(before.classifier, open_new_classes(data, before.classifier))
             self.predictor_ = Predictor(extended, before.config)
-            self.classes_ = np.unique(np.concatenate([self.classes_, classes]))
+            self.classes_ = together
         return self
 
     def adapt(self, X: Any) -> Self:  # noqa: ANN401
@@ -270,7 +284,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         """
         with self._using(X) as samples:
             before = self.predictor_
-            features = sample_features(before.classifier, map(self._decoded, samples))
+            features = sample_features(before.classifier, each(samples, self._decoded))
             self.adaptation_ = adapt(before.classifier, features, before.card.unknown_above)
             self.predictor_ = Predictor(self.adaptation_.classifier, before.config)
         if self.adaptation_.reason:
@@ -349,8 +363,11 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
     def _using(self, X: Any) -> Iterator[list[Sample]]:  # noqa: ANN401
         """Give the samples of recordings to classify."""
         check_is_fitted(self)
+        modalities = self.predictor_.card.modalities
         with self._working():
-            yield self._samples(X, self.predictor_.card.modalities, reset=False)
+            if hasattr(self, "feature_names_in_") and is_table(X, modalities):
+                _check_feature_names(self, X, reset=False)
+            yield self._samples(X, modalities)
 
     def _predicted(self, sample: Sample) -> Prediction:
         recordings, rates = self._rated(sample)
@@ -363,18 +380,23 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
     def _rated(self, sample: Sample) -> tuple[dict[str, Given], dict[str, float | None]]:
         """Return recordings, and the rate of each that has one of its own or none."""
         pairs = {name: with_rate(given) for name, given in sample.items() if given is not None}
-        rates = {name: self.rate if rate is None else rate for name, (_, rate) in pairs.items()}
+        usual = None if self.rate is None else float(self.rate)
+        rates = {name: usual if rate is None else rate for name, (_, rate) in pairs.items()}
         return {name: given for name, (given, _) in pairs.items()}, rates
 
-    def _samples(self, X: Any, modalities: Sequence[str], *, reset: bool) -> list[Sample]:  # noqa: ANN401
-        """Return samples, and keep what scikit-learn wants to know of an array."""
+    def _samples(self, X: Any, modalities: Sequence[str]) -> list[Sample]:  # noqa: ANN401
+        """Return samples of what is an array or any other form of recordings."""
         if is_table(X, modalities):
-            if reset or hasattr(self, "feature_names_in_"):
-                _check_feature_names(self, X, reset=reset)
-            X = check_array(X, allow_nd=True)
-            if reset:
-                self.n_features_in_ = X.shape[1]
+            X = check_array(readable(X), allow_nd=True)
         return samples_of(X, modalities)
+
+    def _keep_shape(self, X: Any) -> None:  # noqa: ANN401
+        """Keep what scikit-learn wants to know of an array, and nothing of an earlier fit."""
+        for name in ("n_features_in_", "feature_names_in_"):
+            self.__dict__.pop(name, None)
+        if is_table(X, self.predictor_.card.modalities):
+            _check_feature_names(self, X, reset=True)
+            _check_n_features(self, X, reset=True)
 
     def _overrides(self, folder: Path) -> list[str]:
         """Return the command line for a training on the manifest in a folder."""
@@ -416,39 +438,3 @@ def _data(manifest: Path, cache: Path, rate: float | None) -> list[str]:
     given = {"data.manifest": manifest, "data.cache_dir": cache, "data.file_rate": rate}
     everything = ["data=manifest", "data.test_fold=null"]
     return [*everything, *(as_key_value(name, value) for name, value in given.items())]
-
-
-def _labels(y: Any, least: int = 2) -> tuple[Array, list[str]]:  # noqa: ANN401
-    """Return the different labels, and the name of each sample's class."""
-    if y is None:
-        raise InvalidInput("Estimator requires y to be passed, but the target y is None.")
-    check_classification_targets(y)
-    labels = column_or_1d(y, warn=True)
-    classes = np.unique(labels)
-    if len(classes) < least:
-        found = f"There is only one class ({classes[0]})" if len(classes) else "There is no label"
-        raise InvalidInput(
-            f"{found}, and telling classes apart takes two; give recordings of another."
-        )
-    if len(_by_name(classes)) < len(classes):
-        raise InvalidInput(
-            f"Of the labels {listed([*map(str, classes)])} some are one name; give other ones."
-        )
-    return classes, [one_name(str(label)) for label in labels.tolist()]
-
-
-def _by_name(classes: Array) -> dict[str, Any]:
-    """Return the label of each class by the name that the model knows."""
-    return {one_name(str(label)): label for label in classes.tolist()}
-
-
-def _groups(groups: Any, count: int) -> list[str]:  # noqa: ANN401
-    check_consistent_length(groups, range(count))
-    known = np.asarray(groups).tolist()
-    for number, group in enumerate(known):
-        if group is None or (group != group) is not False:  # NaN, and NA of pandas
-            raise InvalidInput(
-                f"groups holds {group} for sample {number}; give every sample a group, those that "
-                "stand alone one of their own."
-            )
-    return [*map(str, known)]

@@ -53,14 +53,19 @@ def as_array(values: Any, key: str) -> Array:
     Raises:
         UserError: If it is neither, beginning with ``key``.
     """
-    if hasattr(values, "detach"):  # a tensor; PyTorch is not imported here
-        tensor = values.detach().cpu()
-        values = (tensor.double() if tensor.is_floating_point() else tensor).numpy()  # no bfloat16
     try:
-        return np.asarray(values)
+        return np.asarray(readable(values))
     except ValueError as error:  # lists of unequal lengths
         said = reason(error)
         raise UserError(f"{key} cannot be read as an array ({said}); give one.") from error
+
+
+def readable(values: Any) -> Any:
+    """Return tensors and arrays with a mask as NumPy reads them; what is masked is NaN."""
+    if hasattr(values, "is_floating_point"):  # a tensor; PyTorch is not imported here
+        tensor = values.detach().cpu()
+        return (tensor.double() if tensor.is_floating_point() else tensor).numpy()  # no bfloat16
+    return values.astype(float).filled(np.nan) if np.ma.is_masked(values) else values
 
 
 def axes_first(samples: Array) -> Array | None:

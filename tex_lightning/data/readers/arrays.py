@@ -1,22 +1,27 @@
-"""Recordings that are given in Python as arrays or paths.
+"""Recordings, labels and groups that are given in Python as arrays or paths.
 
-Their recordings are written to a folder with a manifest, so that everything after it treats them as
+The recordings are written to a folder with a manifest, so that everything after it treats them as
 it does the files of others.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from PIL import Image
+from sklearn.utils.multiclass import check_classification_targets
+from sklearn.utils.validation import check_consistent_length, column_or_1d
 
 from tex_lightning.data.manifest import write_manifest
-from tex_lightning.data.recordings import Recording, Recordings
-from tex_lightning.errors import UserError, listed, shorten
-from tex_lightning_runtime.samples import as_trace
+from tex_lightning.data.recordings import Recording, Recordings, one_name
+from tex_lightning.errors import InvalidInput, UserError, listed, shorten
+from tex_lightning_runtime.pixels import as_pixels
+from tex_lightning_runtime.samples import Array, as_array, as_trace
 
+T = TypeVar("T")
 Given = Any  # a path, samples or pixels that NumPy can read, or a pair of samples and their rate
 Sample = Mapping[str, Given]  # by modality; None is absent
 MANIFEST = "manifest.csv"
@@ -37,7 +42,7 @@ def is_table(given: Any, modalities: Sequence[str]) -> bool:  # noqa: ANN401
     if isinstance(kind := getattr(getattr(given, "dtype", None), "kind", None), str):
         return given.ndim != 1 or kind not in "OUS"  # an array, or a column of pandas
     if isinstance(given, Sequence) and not isinstance(given, str):
-        return not given or _is_number(given[0])
+        return len(given) > 0 and _is_number(given[0])
     return not isinstance(given, Iterable) or hasattr(given, "__array__")
 
 
@@ -55,9 +60,28 @@ def samples_of(given: Any, modalities: Sequence[str]) -> list[Sample]:  # noqa: 
             dictionary for each sample, or a table of pandas with a column for each modality.
         modalities: Modalities that the model takes.
 
+    Returns:
+        For each sample its recordings; None is absent, as NaN and NA of pandas are.
+
     Raises:
-        UserError: If the recordings are of other modalities, or not as many of each.
+        UserError: If the recordings are of other modalities, not as many of each, or none.
     """
+    samples = _as_samples(given, modalities)
+    if not samples:
+        raise UserError("X holds no recordings; give at least one.")
+    return [
+        {name: None if _is_missing(one) else one for name, one in sample.items()}
+        for sample in samples
+    ]
+
+
+def _is_missing(given: Any) -> bool:  # noqa: ANN401
+    """Return whether it is None, or NaN or NA, which pandas has in its place."""
+    is_nan = isinstance(given, float) and given != given
+    return given is None or is_nan or type(given).__name__ == "NAType"
+
+
+def _as_samples(given: Any, modalities: Sequence[str]) -> list[Sample]:  # noqa: ANN401
     if hasattr(given, "columns"):
         given = {str(name): given[name].tolist() for name in given.columns}
     if isinstance(given, str | Path):
@@ -94,6 +118,60 @@ def _check_names(given: Mapping[str, Given], modalities: Sequence[str]) -> None:
         )
 
 
+def labels_of(y: Any, least: int = 2) -> tuple[Array, list[str]]:  # noqa: ANN401
+    """Return the different labels, and the name of each sample's class.
+
+    Args:
+        y: (samples,) labels.
+        least: How many different ones it takes.
+
+    Raises:
+        ValueError: If they cannot be told apart, are too few, or one is missing.
+    """
+    if y is None:
+        raise InvalidInput("Estimator requires y to be passed, but the target y is None.")
+    labels = column_or_1d(y, warn=True)
+    _check_complete("y", y)
+    check_classification_targets(labels)
+    classes = np.unique(labels)
+    if len(classes) < least:
+        found = f"There is only one class ({classes[0]})" if len(classes) else "There is no label"
+        raise InvalidInput(
+            f"{found}, and telling classes apart takes two; give recordings of another."
+        )
+    if len(by_name(classes)) < len(classes):
+        raise InvalidInput(
+            f"Of the labels {listed([*map(str, classes)])} some are one name; give other ones."
+        )
+    return classes, [one_name(str(label)) for label in labels.tolist()]
+
+
+def by_name(classes: Array) -> dict[str, Any]:
+    """Return the label of each class by the name that the model knows."""
+    return {one_name(str(label)): label for label in classes.tolist()}
+
+
+def groups_of(groups: Any, samples: Sequence[Sample]) -> list[str]:  # noqa: ANN401
+    """Return the name of the group of each sample.
+
+    Raises:
+        ValueError: If they are not as many, or one is missing.
+    """
+    check_consistent_length(groups, samples)
+    _check_complete("groups", groups, "; those that stand alone get one of their own")
+    return [*map(str, np.asarray(groups).tolist())]
+
+
+def _check_complete(what: str, values: Any, more: str = "") -> None:  # noqa: ANN401
+    if not isinstance(values, list | tuple):  # in lists with text NumPy turns NaN to text
+        values = np.asarray(values).tolist()
+    for number, value in enumerate(values):
+        if _is_missing(value):
+            raise InvalidInput(
+                f"{what} holds {value} for sample {number}; give every sample one{more}."
+            )
+
+
 def write_samples(
     samples: Sequence[Sample],
     labels: Sequence[str],
@@ -112,16 +190,36 @@ def write_samples(
         The manifest.
 
     Raises:
-        UserError: If an array is no recording.
+        UserError: If an array is no recording, or a sample has none.
     """
     counts: Counter[str] = Counter()
     rows: list[Recording] = []
     for number, (sample, label) in enumerate(zip(samples, labels, strict=True)):
         group = f"{label}/{counts[label]}" if groups is None else groups[number]
         counts[label] += 1
-        rows += write_sample(sample, label, group, folder, number)
+        with naming(number):
+            if all(given is None for given in sample.values()):
+                raise UserError("it is missing; give it, or leave out its label, too.")
+            rows += write_sample(sample, label, group, folder, number)
     write_manifest(Recordings(tuple(rows)), manifest := folder / MANIFEST)
     return manifest
+
+
+@contextmanager
+def naming(number: int) -> Iterator[None]:
+    """Say in the message of a ``UserError`` which recording of X is meant, counted from 0."""
+    try:
+        yield
+    except UserError as error:
+        raise UserError(f"Recording {number} of X: {error}") from error
+
+
+def each(samples: Iterable[Sample], use: Callable[[Sample], T]) -> Iterator[T]:
+    """Yield what a function returns for each sample; a ``UserError`` says for which."""
+    for number, sample in enumerate(samples):
+        with naming(number):
+            result = use(sample)
+        yield result
 
 
 def write_sample(
@@ -162,16 +260,17 @@ def _file(given: Given, modality: str, place: Path) -> Path:
     """Return the file of a recording, which is written unless it is one."""
     if isinstance(given, str | Path):
         return Path(given)
-    array = np.asarray(given)
-    if array.ndim != 3 and modality != "image":
-        file = place.with_suffix(".npy")
-        np.save(file, as_trace(given, modality), allow_pickle=False)
+    array = as_array(given, modality)
+    is_photo = modality == "image" or hasattr(given, "getexif")  # of Pillow
+    if is_photo or (array.ndim == 3 and array.dtype == np.uint8):
+        file = place.with_suffix(".png")
+        Image.fromarray(as_pixels(given, modality)).save(file, compress_level=1)
         return file
-    if array.dtype != np.uint8 or array.ndim not in (2, 3) or array.shape[2:] not in ((), (3,)):
+    if array.ndim > 2:
         raise UserError(
             f"{modality} is an array of {array.dtype} of the shape {array.shape}; give photos as "
             "uint8 (height, width, 3), or as paths, and signals as (axes, samples)."
         )
-    file = place.with_suffix(".png")
-    Image.fromarray(array).save(file, compress_level=1)
+    file = place.with_suffix(".npy")
+    np.save(file, as_trace(given, modality), allow_pickle=False)
     return file
