@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.core.groups import PARTS, leave_out, left_out_units
+from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import Head, Level
 from tex_lightning.networks.choice import (
     SHARPNESS,
@@ -209,6 +210,9 @@ class LinearNet(nn.Module):
             pieces: Numbers of inputs, and the features (1, D, L) of a short piece of each.
             disturbed: Features (1, D, L) of recordings, and of the same with a change that changes
                 no class.
+
+        Raises:
+            UserError: If all recordings have the same features.
         """
         counted = recordings or range(len(labels))
         given = labels = labels.cpu()
@@ -223,9 +227,16 @@ class LinearNet(nn.Module):
             fit_line, labels=labels, left_out=left_out, classes=self.classes,
             strength=self.strength, shrinkage=self.shrinkage,
         )  # fmt: skip
-        line = fitted(rows, changes=changes, subsets=self._subsets(), levels=self.levels)
+        subsets = [kept for kept in self._subsets() if (kept * scale).any()]
+        if not subsets:
+            raise UserError(
+                "All training recordings are alike: no feature differs between them, as of "
+                "silence, constant signals or one recording that is given for all; check them."
+            )
+        line = fitted(rows, changes=changes, subsets=subsets, levels=self.levels)
         others, gainless = slice(len(share) - self.levels), None
-        subsets = [kept[others] for kept in self._subsets(without=GAIN) if kept[others].any()]
+        subsets = [kept[others] for kept in self._subsets(without=GAIN)]
+        subsets = [kept for kept in subsets if (kept * scale[others]).any()]
         if self.levels and subsets:
             gainless = fitted(
                 rows[:, others], changes=changes[:, others], subsets=subsets, levels=0
