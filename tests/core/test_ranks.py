@@ -160,14 +160,19 @@ def test_only_rank_zero_of_a_batch_job_queues_it_again(monkeypatch, queue, name)
 PREEMPTED = "JobId=7 JobState=RUNNING PreemptEligibleTime=2026-11-27T12:00:00 PreemptTime={}"
 
 
+def say_preempted(tmp_path, when):
+    """Let the stand-in for scontrol say when the job was chosen to make way."""
+    with (tmp_path / "bin" / "scontrol").open("a") as program:
+        program.write(f'[ "$1" = show ] && echo "{PREEMPTED.format(when)}"\n')
+
+
 @pytest.mark.parametrize(("when", "requeues"), [("2026-11-27T12:00:10", 1), ("None", 0)])
 def test_a_job_that_is_to_make_way_is_queued_again_before_it_ends(
     monkeypatch, queue, tmp_path, when, requeues
 ):
     """SLURM requeues no job that ends within the grace time of its partition."""
     give(monkeypatch, {**BATCH, "SLURM_JOB_NAME": "train"})
-    with (tmp_path / "bin" / "scontrol").open("a") as program:
-        program.write(f'[ "$1" = show ] && echo "{PREEMPTED.format(when)}"\n')
+    say_preempted(tmp_path, when)
     ended = []
     before = signal.signal(signal.SIGTERM, lambda *_: ended.append(1))
     try:
@@ -187,7 +192,7 @@ import runpy, signal, sys
 class Finder:
     def find_spec(self, name, *_):
         if name == "tex_lightning.cli":
-            signal.raise_signal(signal.SIGUSR1)
+            signal.raise_signal(signal.NUMBER)
 
 sys.meta_path.insert(0, Finder())
 sys.argv[1:] = ["--help"]
@@ -198,23 +203,41 @@ runpy.run_module("tex_lightning", run_name="__main__")
 @pytest.mark.parametrize("name", ["train", "bash"])
 def test_a_signal_during_the_imports_ends_no_job(monkeypatch, queue, name):
     give(monkeypatch, {**BATCH, "SLURM_JOB_NAME": name, "PYTHONPATH": str(CONF.parent)})
-    started = [sys.executable, "-c", SIGNALLED]
-    finished = subprocess.run(started, capture_output=True, text=True, check=False)
+    finished = signalled_during_imports("SIGUSR1")
     assert finished.returncode == (0 if name == "train" else -signal.SIGUSR1), finished.stderr
     assert not queue.exists()  # until a training begins
 
 
+def signalled_during_imports(number):
+    started = [sys.executable, "-c", SIGNALLED.replace("NUMBER", number)]
+    return subprocess.run(started, capture_output=True, text=True, check=False)
+
+
+def test_a_job_that_is_to_make_way_during_the_imports_is_queued_again(
+    monkeypatch, queue, tmp_path
+):
+    give(monkeypatch, {**BATCH, "SLURM_JOB_NAME": "train", "PYTHONPATH": str(CONF.parent)})
+    say_preempted(tmp_path, "2026-11-27T12:00:10")
+    finished = signalled_during_imports("SIGTERM")
+    assert finished.returncode == -signal.SIGTERM, finished.stderr
+    assert queue.read_text().splitlines() == ["show job 7", "requeue 7"]
+
+
 def test_a_signal_of_before_the_training_queues_the_job_once(monkeypatch, queue):
     give(monkeypatch, {**BATCH, "SLURM_JOB_NAME": "train"})
-    before = signal.signal(signal.SIGUSR1, signal.SIG_DFL)
+    numbers = signal.SIGUSR1, signal.SIGTERM
+    before = {number: signal.signal(number, signal.SIG_DFL) for number in numbers}
     try:
         remember_signal()
+        making_way = signal.getsignal(signal.SIGTERM)
         signal.raise_signal(signal.SIGUSR1)
         for _ in range(2):
             with requeueing():
                 assert queue.read_text() == "requeue 7\n"
+                assert signal.getsignal(signal.SIGTERM) is making_way  # which ends by default
     finally:
-        signal.signal(signal.SIGUSR1, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @pytest.mark.slow

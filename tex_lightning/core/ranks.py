@@ -124,9 +124,11 @@ def requeueing() -> Iterator[None]:
     if not _can_requeue():
         yield
         return
+    known = signal.getsignal(signal.SIGTERM)
+    making_way = known if isinstance(known, _MakingWay) else _MakingWay()
     before = {
         signal.SIGUSR1: signal.signal(signal.SIGUSR1, _requeue),
-        signal.SIGTERM: signal.signal(signal.SIGTERM, _MakingWay()),
+        signal.SIGTERM: signal.signal(signal.SIGTERM, making_way),
     }
     if Process.signalled:
         _requeue()
@@ -138,9 +140,13 @@ def requeueing() -> Iterator[None]:
 
 
 def remember_signal() -> None:
-    """Let a batch job of SLURM outlive SIGUSR1 until a training can queue it again."""
+    """Let a batch job of SLURM outlive SIGUSR1 until a training can queue it again.
+
+    A job that is to make way for another is queued again at once.
+    """
     if _can_requeue():
         signal.signal(signal.SIGUSR1, _remember)
+        signal.signal(signal.SIGTERM, _MakingWay())
 
 
 def _can_requeue() -> bool:
