@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from tex_lightning.networks.line import FeatureRange, RangeGate
+from tex_lightning.networks.line import FeatureRange, RangeGate, ScoreReach
 from tex_lightning.networks.linear import LinearNet
 
 CLASSES, BANDS = 3, 12
@@ -390,6 +390,41 @@ def test_levels_and_short_recordings_may_lie_outside_of_the_training():
     more = torch.stack([part.highest + 1, part.lowest])
     part.take(part.state_dict() | part.widened(more))
     torch.testing.assert_close(part(x, (x.mean(dim=3), 5)), more[:1, :, None, None].expand_as(x))
+
+
+def noisy_recordings(noise: float, fragments: int, seed: int):
+    """Recordings of six classes, whose fragments have so much noise about the mean of the class."""
+    rng, labels = np.random.default_rng(seed), torch.arange(6).repeat(10)
+    means = np.random.default_rng(0).standard_normal((6, 40))[labels][:, :, None]
+    values = 0.3 * means + noise * rng.standard_normal((60, 40, fragments))
+    return [torch.from_numpy(x[None]).float() for x in values], labels
+
+
+@pytest.mark.parametrize("with_pieces", [True, False])
+def test_what_is_noisier_than_all_in_training_is_hardly_surer_than_right(with_pieces):
+    inputs, labels = noisy_recordings(0.5, 16, seed=1)
+    pieces = [(number, x[..., :1]) for number, x in enumerate(inputs)] if with_pieces else ()
+    network = LinearNet(6, bands=40).eval()
+    network.fit(inputs, labels, pieces=pieces)
+    for noise in (0.5, 2.0, 8.0):
+        rows, truth = noisy_recordings(noise, 1, seed=2)
+        scores = torch.cat([network(x[None]) for x in rows])[:, :, 0]
+        right = (scores.argmax(dim=1) == truth).double().mean()
+        assert scores.softmax(dim=1).amax(dim=1).mean() < right + 0.15
+    usual = torch.cat([network(x[None]) for x in inputs]).softmax(dim=1)
+    network.head.scores.reach.take(None)
+    torch.testing.assert_close(torch.cat([network(x[None]) for x in inputs]).softmax(dim=1), usual)
+    unbounded = torch.cat([network(x[None]) for x in rows])[:, :, 0]
+    assert torch.equal(unbounded.argmax(dim=1), scores.argmax(dim=1))
+    assert unbounded.softmax(dim=1).amax(dim=1).mean() > right + 0.5
+
+
+def test_scores_shrink_with_the_squared_length_beyond_the_usual_one():
+    part = ScoreReach(2)
+    part.fit(torch.tensor([1.0, 4.0, 9.0]), torch.tensor([1.0, 0.25]), factor=2)  # up to 8
+    mean = torch.tensor([[2.0, 4.0], [4.0, 8.0], [0.0, 0.0]])  # 8, 32 and 0
+    found = part(torch.ones(3, 5, 1, 7), mean)
+    assert found[:, 4, 0, 6].tolist() == pytest.approx([1.0, 0.25, 1.0])
 
 
 def test_a_group_is_out_of_range_from_its_limit_on_and_sooner_in_long_recordings():

@@ -183,6 +183,7 @@ class _Student:
         _gate(network).fragments.fill_(1)  # whole recordings are looked at, as one fragment each
         getattr(network.head.scores, RANGE).most.zero_()
         network.head.scores.get_submodule(SHORT).take(None)  # type: ignore[operator]
+        network.head.scores.get_submodule("reach").train()  # margins are those of the line
 
     def learn(self) -> _Lesson:
         """Fit the network again.

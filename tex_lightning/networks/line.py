@@ -21,6 +21,7 @@ SUFFICES = 0.75  # of the left-out rows that are right with levels, for scores w
 BEYOND = 1.5  # times the share of features that chance takes out of the range of the training
 RANGE = "range"  # name of what the features of a recording are kept in
 SHORT, GAINLESS = "short", "gainless"  # names of the scores of other recordings
+REACH = 3.0  # times the squared length of a usual row, up to which scores are taken as they are
 
 
 class RangeGate(nn.Module):
@@ -271,6 +272,42 @@ class GainlessLine(FittedLater):
         return torch.where(far[:, None, None, None], weighed(inside, self.weight, self.bias), usual)
 
 
+class ScoreReach(FittedLater):
+    """Bring scores nearer to each other for recordings that lie farther out than the training.
+
+    A line is the surer the longer the features are, and those of a recording that is shorter than
+    any in training, or unlike them, are long because they are noisy. Labels stay as they are.
+
+    Args:
+        bands: Features of a fragment, D.
+
+    Attributes:
+        share: Of each feature in the squared length of a row (D,).
+        longest: Squared length () up to which scores are taken as they are.
+    """
+
+    share: Tensor
+    longest: Tensor
+
+    def __init__(self, bands: int) -> None:
+        super().__init__(share=(bands,), longest=())
+
+    def fit(self, lengths: Tensor, share: Tensor, factor: float) -> None:
+        """Take the median of squared lengths (rows,) times a factor; ``share`` is the attribute."""
+        self.take({"share": share, "longest": factor * lengths.median()})
+
+    def forward(self, scores: Tensor, mean: Tensor) -> Tensor:
+        """Return class scores (B, classes, M, N), times at most one.
+
+        Args:
+            scores: The scores.
+            mean: Mean features (B, D) of the whole recording that passed the gate.
+        """
+        length = mean.square() @ self.share
+        factor = (self.longest / length.clamp_min(torch.finfo(length.dtype).tiny)).clamp(max=1)
+        return scores * factor[:, None, None, None]
+
+
 class LineOrPlanes(nn.Sequential):
     """Class scores of features that passed a gate: by a linear layer, or by planes where better.
 
@@ -283,8 +320,8 @@ class LineOrPlanes(nn.Sequential):
         count, bands = layer.out_channels, layer.in_channels
         sizes = count, bands
         parts = [("0", gate), (RANGE, FeatureRange(bands)), ("planes", ClassPlanes(*sizes))]
-        lines = [(SHORT, ShortLine(*sizes)), (GAINLESS, GainlessLine(*sizes)), ("1", layer)]
-        super().__init__(OrderedDict([*parts, *lines]))
+        parts += [(SHORT, ShortLine(*sizes)), (GAINLESS, GainlessLine(*sizes))]
+        super().__init__(OrderedDict([*parts, ("reach", ScoreReach(bands)), ("1", layer)]))
 
     def forward(self, x: Tensor, whole: tuple[Tensor, int] | None = None) -> Tensor:
         """Map features (B, D, M, N) to class scores before softmax (B, classes, M, N).
@@ -295,15 +332,18 @@ class LineOrPlanes(nn.Sequential):
             whole = x.flatten(2).mean(dim=2, keepdim=True), x[0, 0].numel()
         if not torch.compiler.is_exporting() and x.shape[-1] > BLOCK:
             return torch.cat([self(part, whole) for part in torch.split(x, BLOCK, dim=-1)], dim=-1)
-        gate, within, planes, short, gainless, layer = self
+        gate, within, planes, short, gainless, reach, layer = self
         mean, count = whole
+        bounded = cast(ScoreReach, reach).in_use and not reach.training
+        if bounded:  # the mean passes the gate with the fragments, as the last of them
+            x = torch.cat((x, mean[..., None].expand(-1, -1, x.shape[2], -1)), dim=3)
         inside: Tensor = gate(within(x, whole), whole)
         if not self.is_linear:
             return cast(Tensor, planes(inside))
         scores = weighed(inside, *cast(ShortLine, short).layer(cast(nn.Conv2d, layer), count))
         if cast(GainlessLine, gainless).in_use and not self.training:
             scores = gainless(inside, mean, scores)
-        return scores
+        return reach(scores[..., :-1], inside[:, :, 0, -1]) if bounded else scores
 
     @property
     def is_linear(self) -> bool:

@@ -25,10 +25,12 @@ from tex_lightning.networks.choice import (
 )
 from tex_lightning.networks.line import (
     RANGE,
+    REACH,
     FeatureRange,
     GainlessLine,
     LineOrPlanes,
     RangeGate,
+    ScoreReach,
     ShortLine,
 )
 from tex_lightning.networks.planes import (
@@ -82,6 +84,10 @@ class LinearNet(nn.Module):
     recordings of up to a quarter of the usual length have a line of their own, which is fitted to
     pieces of the training recordings, too; not where levels count, as of slow signals, which it did
     not help everywhere (docs/reports/2026-11-26-short-strokes.md).
+
+    Longer features make surer scores, and noise makes features longer. So the scores of recordings
+    that lie farther out than those are brought nearer to each other
+    (:class:`~tex_lightning.networks.line.ScoreReach`).
 
     Args:
         classes: Number of materials.
@@ -264,6 +270,30 @@ class LinearNet(nn.Module):
                 means = torch.stack([fragments.mean(dim=0) for fragments in every])
             within.fit(means, len({*counted}), most)
         self._fit_short(inputs, given, groups, counted, pieces, disturbed, most)
+        self._fit_reach(rows, pieces, share.square())
+
+    def _fit_reach(self, rows: Tensor, pieces: Sequence[tuple[int, Tensor]], share: Tensor) -> None:
+        """Fit how far out recordings lie that scores are sure of.
+
+        Args:
+            rows: Standardised training rows (rows, D).
+            pieces: Numbers of inputs, and the features of a piece of each.
+            share: Of each feature in the squared length of a row (D,).
+        """
+        reach: ScoreReach = self.head.scores.reach  # type: ignore[assignment]
+        reach.take(None)
+        if not self.head.scores.is_linear:
+            return
+        gate: RangeGate = self.head.scores[0]  # type: ignore[index]
+        lengths: dict[int, float] = {}  # of the longest piece of each
+        for number, piece in pieces:
+            mean = self.features(piece.mean(dim=2)[None, :, :, None], "fc2")
+            inside = gate(mean[..., None], (mean, piece.shape[2])).double().flatten()
+            lengths[number] = max(lengths.get(number, 0.0), float(inside.square() @ share))
+        if lengths:
+            reach.fit(torch.tensor([*lengths.values()]), share, 1)
+        else:
+            reach.fit(rows.square() @ share, share, REACH)
 
     def _changes(self, disturbed: Sequence[Pair], scale: Tensor) -> Tensor:
         """Return by how much disturbed rows differ, each of length one: (changes, D).
