@@ -213,9 +213,7 @@ def signalled_during_imports(number):
     return subprocess.run(started, capture_output=True, text=True, check=False)
 
 
-def test_a_job_that_is_to_make_way_during_the_imports_is_queued_again(
-    monkeypatch, queue, tmp_path
-):
+def test_a_job_that_is_to_make_way_during_the_imports_is_queued_again(monkeypatch, queue, tmp_path):
     give(monkeypatch, {**BATCH, "SLURM_JOB_NAME": "train", "PYTHONPATH": str(CONF.parent)})
     say_preempted(tmp_path, "2026-11-27T12:00:10")
     finished = signalled_during_imports("SIGTERM")
