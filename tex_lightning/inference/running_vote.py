@@ -77,7 +77,7 @@ class RunningVote(ABC):
         self.beginning: Tensor | None = None
         self.began = False
         network: Any = self.sense.network
-        linear = isinstance(network, LinearNet) and network.head.scores.is_linear
+        linear = isinstance(network, LinearNet) and network.scores.is_linear
         self.by_mean = linear and RULES[self.card.rule].by_mean_score  # one score decides
         self.count = 0  # of fragments that were added up
         self.sums: dict[float, Sums] = {}  # by quarter octaves of power, where rests are left out

@@ -22,7 +22,6 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics, TrainingRows
 from tex_lightning.errors import UserError
 from tex_lightning.learning.finish import statistics_with_reach
-from tex_lightning.networks.line import RANGE, SHORT, RangeGate
 from tex_lightning.networks.linear import SHORT_PART, LinearNet
 
 SHARES = (0.25, 0.5)  # of the recordings of a class, the surest, that are taught in each round
@@ -103,8 +102,8 @@ def adapt(
     except Unsafe as error:
         return Adaptation(classifier, str(error), len(recordings), {}, 0)
     usual = median(count for _, count in recordings)
-    _gate(lesson.network).fragments.fill_(usual)
-    getattr(lesson.network.head.scores, RANGE).most.fill_(int(usual * SHORT_PART))
+    lesson.network.scores.gate.fragments.fill_(usual)
+    lesson.network.scores.range.most.fill_(int(usual * SHORT_PART))
     _replace(whole, name, student, lesson)
     counts = lesson.labels[lesson.labels >= 0].bincount(minlength=network.classes).tolist()
     by_class = {x: n for x, n in zip(classifier.card.classes, counts, strict=True) if n}
@@ -138,7 +137,7 @@ def check_adaptable(classifier: SurfaceClassifier) -> None:
             f"This {title} keeps no features of its training recordings, which {ours} again with; "
             "train it anew with keep_rows=true."
         )
-    if network.head.scores.planes.in_use:  # type: ignore[union-attr]
+    if network.scores.planes.in_use:
         raise UserError(
             f"The classes of this {title} are planes, which need the fragments of all training "
             "recordings; train it anew on recordings of the new conditions."
@@ -180,10 +179,11 @@ class _Student:
         self.single = bool(counts.median() < 2)  # recordings, or what was recorded together
         self.known = _inputs(network, rows.features)
         self.others = _inputs(network, embeddings)
-        _gate(network).fragments.fill_(1)  # whole recordings are looked at, as one fragment each
-        getattr(network.head.scores, RANGE).most.zero_()
-        network.head.scores.get_submodule(SHORT).take(None)  # type: ignore[operator]
-        network.head.scores.get_submodule("reach").train()  # margins are those of the line
+        scores = network.scores  # whole recordings are looked at, as one fragment each
+        scores.gate.fragments.fill_(1)
+        scores.range.most.zero_()
+        scores.short.take(None)
+        scores.reach.train()  # margins are those of the line
 
     def learn(self) -> _Lesson:
         """Fit the network again.
@@ -254,10 +254,6 @@ def _inputs(network: LinearNet, embeddings: Tensor) -> Tensor:
     scale = network.scale.double()[:, 0, 0]
     inverse = torch.where(scale > 0, 1 / scale, 0)
     return (features * inverse + network.mean.double()[:, 0, 0]).float()[:, :, None]
-
-
-def _gate(network: LinearNet) -> RangeGate:
-    return next(module for module in network.modules() if isinstance(module, RangeGate))
 
 
 def _margins(scores: Tensor) -> Tensor:

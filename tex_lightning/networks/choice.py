@@ -17,6 +17,7 @@ from tex_lightning.networks.ridge import (
     reliability_of_one,
     whitened,
 )
+from tex_lightning.networks.rows import LeftOut, chosen_rows, count_units
 
 SHARPNESS = 10.0  # of scores from about 0 to 1, to begin with
 STRENGTHS = (0.001, 0.01, 0.1, 1.0)  # of the ridge, at first; the grid goes on at its ends
@@ -25,9 +26,7 @@ TIE = 1.01  # errors within 1 % are equal, and the stronger ridge is taken
 MIN_RELIABILITY = 0.05  # of one recording's score
 MANY = 5  # recordings of a class, from which on its scores are as large as with more
 MAX_THINNED = 50  # classes that reliability is measured on
-MAX_ROWS = 600  # that settings are chosen on
 MANY_ROWS = 2400  # of which a tenth tells the scale of scores better than those: it falls with them
-LEAST_ROWS, SOME_CLASSES = 5, 60  # of a class; where fewer are left of each, so many classes
 
 
 class Choice(NamedTuple):
@@ -208,18 +207,6 @@ class LineFit:
         return about
 
 
-class LeftOut(NamedTuple):
-    """How rows are left out.
-
-    Attributes:
-        parts: (rows,) part in which each is left out; -1 for none.
-        units: (rows,) number of what it is left out with.
-    """
-
-    parts: Tensor
-    units: Tensor
-
-
 class Tried(NamedTuple):
     """What a line gave for the rows that its settings were chosen on.
 
@@ -304,33 +291,6 @@ def fit_line(
         sharpness = fit.sharpness_of_one_part(whole, left_out.parts, choice, factors)
     tried = Tried(some, few, LeftOut(parts, units), scores)
     return Line(tried, *fit.solve(whole, choice), factors * sharpness)
-
-
-def chosen_rows(labels: Tensor, classes: int) -> tuple[Tensor, int]:
-    """Return the numbers of at most 600 rows to choose settings on, evenly spread.
-
-    They are drawn, each from its own part of all: every second row may be the same take of each
-    recording.
-
-    Of many classes so few rows of each would be left that nothing of it could be left out; then
-    they are of every nth class, which comes second.
-    """
-    some, nth = torch.arange(len(labels)), 1
-    if len(labels) > MAX_ROWS and LEAST_ROWS * classes > MAX_ROWS:
-        nth = math.ceil(classes / SOME_CLASSES)
-        some = some[labels % nth == 0]
-    if len(some) > MAX_ROWS:
-        seeded = torch.Generator().manual_seed(0)
-        edges = torch.arange(MAX_ROWS + 1) * len(some) // MAX_ROWS
-        within = torch.rand(MAX_ROWS, generator=seeded) * edges.diff()
-        some = some[edges[:-1] + within.long()]
-    return some, nth
-
-
-def count_units(labels: Tensor, units: Tensor, classes: int) -> Tensor:
-    """Return the number of different units of each class (classes,)."""
-    pairs = {*zip(labels.tolist(), units.tolist(), strict=True)}
-    return torch.tensor([label for label, _ in pairs]).bincount(minlength=classes)
 
 
 def factors_of(one: float | None, counts: Tensor) -> Tensor:

@@ -19,7 +19,6 @@ ROWS = 1000  # that are measured at once
 APART = 6.0  # deviations of strength, over the root of the rows, beyond the weakest and strongest
 SUFFICES = 0.75  # of the left-out rows that are right with levels, for scores without
 BEYOND = 1.5  # times the share of features that chance takes out of the range of the training
-RANGE = "range"  # name of what the features of a recording are kept in
 SHORT, GAINLESS = "short", "gainless"  # names of the scores of other recordings
 REACH = 3.0  # times the squared length of a usual row, up to which scores are taken as they are
 
@@ -316,12 +315,28 @@ class LineOrPlanes(nn.Sequential):
         layer: Linear scores; the last part, which other classes are added to.
     """
 
-    def __init__(self, gate: nn.Module, layer: nn.Conv2d) -> None:
+    range: FeatureRange
+    planes: ClassPlanes
+    short: ShortLine
+    gainless: GainlessLine
+    reach: ScoreReach
+
+    def __init__(self, gate: RangeGate, layer: nn.Conv2d) -> None:
         count, bands = layer.out_channels, layer.in_channels
         sizes = count, bands
-        parts = [("0", gate), (RANGE, FeatureRange(bands)), ("planes", ClassPlanes(*sizes))]
+        parts = [("0", gate), ("range", FeatureRange(bands)), ("planes", ClassPlanes(*sizes))]
         parts += [(SHORT, ShortLine(*sizes)), (GAINLESS, GainlessLine(*sizes))]
         super().__init__(OrderedDict([*parts, ("reach", ScoreReach(bands)), ("1", layer)]))
+
+    @property
+    def gate(self) -> RangeGate:
+        """What takes features out that are out of range."""
+        return cast(RangeGate, self[0])
+
+    @property
+    def layer(self) -> nn.Conv2d:
+        """The usual line."""
+        return cast(nn.Conv2d, self[-1])
 
     def forward(self, x: Tensor, whole: tuple[Tensor, int] | None = None) -> Tensor:
         """Map features (B, D, M, N) to class scores before softmax (B, classes, M, N).
@@ -332,23 +347,22 @@ class LineOrPlanes(nn.Sequential):
             whole = x.flatten(2).mean(dim=2, keepdim=True), x[0, 0].numel()
         if not torch.compiler.is_exporting() and x.shape[-1] > BLOCK:
             return torch.cat([self(part, whole) for part in torch.split(x, BLOCK, dim=-1)], dim=-1)
-        gate, within, planes, short, gainless, reach, layer = self
         mean, count = whole
-        bounded = cast(ScoreReach, reach).in_use and not reach.training
+        bounded = self.reach.in_use and not self.reach.training
         if bounded:  # the mean passes the gate with the fragments, as the last of them
             x = torch.cat((x, mean[..., None].expand(-1, -1, x.shape[2], -1)), dim=3)
-        inside: Tensor = gate(within(x, whole), whole)
+        inside: Tensor = self.gate(self.range(x, whole), whole)
         if not self.is_linear:
-            return cast(Tensor, planes(inside))
-        scores = weighed(inside, *cast(ShortLine, short).layer(cast(nn.Conv2d, layer), count))
-        if cast(GainlessLine, gainless).in_use and not self.training:
-            scores = gainless(inside, mean, scores)
-        return reach(scores[..., :-1], inside[:, :, 0, -1]) if bounded else scores
+            return cast(Tensor, self.planes(inside))
+        scores = weighed(inside, *self.short.layer(self.layer, count))
+        if self.gainless.in_use and not self.training:
+            scores = self.gainless(inside, mean, scores)
+        return self.reach(scores[..., :-1], inside[:, :, 0, -1]) if bounded else scores
 
     @property
     def is_linear(self) -> bool:
         """Whether the score of a mean is the mean of the scores."""
-        return not cast(ClassPlanes, self.planes).in_use
+        return not self.planes.in_use
 
 
 def weighed(x: Tensor, weight: Tensor, bias: Tensor) -> Tensor:

@@ -5,7 +5,7 @@ moment: ridge regression of the classes on the features, as in MiniRocket (Demps
 """
 
 import statistics
-from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from functools import partial
 from itertools import product
 from typing import Annotated, cast
@@ -13,33 +13,13 @@ from typing import Annotated, cast
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.core.groups import PARTS, leave_out, left_out_units
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import Head, Level
-from tex_lightning.networks.choice import (
-    SHARPNESS,
-    LeftOut,
-    Line,
-    fit_line,
-    sharpness_of,
-)
-from tex_lightning.networks.line import (
-    RANGE,
-    REACH,
-    FeatureRange,
-    GainlessLine,
-    LineOrPlanes,
-    RangeGate,
-    ScoreReach,
-    ShortLine,
-)
-from tex_lightning.networks.planes import (
-    DIRECTIONS,
-    ClassPlanes,
-    clearly_better_planes,
-    fit_planes,
-)
+from tex_lightning.networks.choice import Line, fit_line
+from tex_lightning.networks.line import REACH, LineOrPlanes, RangeGate
+from tex_lightning.networks.planes import DIRECTIONS
 from tex_lightning.networks.ridge import whitened
+from tex_lightning.networks.rows import Examples, LeftOut, Pair, training_rows, unit_changes
 
 MIN_DEVIATION = 1e-3  # of a feature; one that hardly varies says nothing
 OPTIONAL = (("power",), ("axes", "axes_power"))  # kinds of blocks, left out unless they help
@@ -47,8 +27,6 @@ GAIN = {"power", "axes_power"}  # kinds of blocks that depend on the gain, besid
 CURVED = "mean"  # kind of block in which classes can be planes
 WHITENED = "level"  # kind of block whose features vary together, as under another pressure
 SHORT_PART = 0.25  # of the fragments of a usual training recording: with fewer it is short
-
-Pair = tuple[Tensor, Tensor]
 
 
 class LinearNet(nn.Module):
@@ -191,6 +169,11 @@ class LinearNet(nn.Module):
         """FC3, the only layer."""
         return self.head.score_layer
 
+    @property
+    def scores(self) -> LineOrPlanes:
+        """What FC3 is the usual line of."""
+        return cast(LineOrPlanes, self.head.scores)
+
     @torch.no_grad()
     def fit(
         self,
@@ -220,116 +203,87 @@ class LinearNet(nn.Module):
         Raises:
             UserError: If all recordings have the same features.
         """
-        counted = recordings or range(len(labels))
-        given = labels = labels.cpu()
-        rows, labels, left_out = _rows(inputs, labels, groups or counted, counted)
-        whole = len(rows) == len(inputs)  # else fragments
+        examples = Examples(
+            inputs, labels.cpu(), groups, recordings or range(len(labels)), pieces, disturbed
+        )
         usual = statistics.median(features.shape[-1] for features in inputs)
+        rows, labels, left_out = training_rows(examples)
+        whole = len(rows) == len(inputs)  # else fragments
         mean, deviation = rows.mean(dim=0), rows.std(dim=0, correction=0)
         scale = torch.where(deviation > MIN_DEVIATION, 1 / deviation, 0)
         share = torch.repeat_interleave(self.sizes.double().rsqrt(), self.sizes)  # of unit length
-        rows, changes = rows.sub_(mean).mul_(scale * share), self._changes(disturbed, scale * share)
+        rows = rows.sub_(mean).mul_(scale * share)
+        changes = unit_changes(disturbed, scale * share, self.levels)
+        line, gainless = self._lines(rows, labels, left_out, changes)
+        rows = whitened(rows, line.whitening).div_(share)  # in place: many take all the memory
+        self.mean.copy_(mean[:, None, None])
+        self.scale.copy_(scale[:, None, None])
+        self.whitening.copy_(line.whitening)
+        weights, bias = line.enlarged(share)
+        self.score_layer.weight.copy_(weights[:, :, None, None])
+        self.score_layer.bias = nn.Parameter(bias.to(self.score_layer.weight))
+        scores, most = self.scores, int(usual * SHORT_PART)
+        scores.gate.limits.copy_(scores.gate.limits_of(rows))
+        scores.gate.fragments.fill_(usual if whole else 1)
+        scores.planes.take(None)
+        if whole and usual >= 2:
+            self._fit_planes(examples, line)
+        scores.gainless.fit(line, gainless if scores.is_linear else None, rows, share)
+        self._fit_range(examples, rows, most)
+        self._fit_short(examples, most)
+        self._fit_reach(examples, rows, share.square())
+
+    def _lines(
+        self, rows: Tensor, labels: Tensor, left_out: LeftOut, changes: Tensor
+    ) -> tuple[Line, Line | None]:
+        """Fit the line to standardised rows (rows, D), and one without what depends on the gain.
+
+        Raises:
+            UserError: If all rows are the same.
+        """
         fitted = partial(
             fit_line, labels=labels, left_out=left_out, classes=self.classes,
             strength=self.strength, shrinkage=self.shrinkage,
         )  # fmt: skip
-        subsets = [kept for kept in self._subsets() if (kept * scale).any()]
+        varies = rows.any(dim=0)
+        subsets = [kept for kept in self._subsets() if (kept * varies).any()]
         if not subsets:
             raise UserError(
                 "All training recordings are alike: no feature differs between them, as of "
                 "silence, constant signals or one recording that is given for all; check them."
             )
         line = fitted(rows, changes=changes, subsets=subsets, levels=self.levels)
-        others, gainless = slice(len(share) - self.levels), None
+        others = slice(rows.shape[1] - self.levels)
         subsets = [kept[others] for kept in self._subsets(without=GAIN)]
-        subsets = [kept for kept in subsets if (kept * scale[others]).any()]
-        if self.levels and subsets:
-            gainless = fitted(
-                rows[:, others], changes=changes[:, others], subsets=subsets, levels=0
-            )
-        rows = whitened(rows, line.whitening).div_(share)  # in place: many take all the memory
-        self.mean.copy_(mean[:, None, None])
-        self.scale.copy_(scale[:, None, None])
-        self.whitening.copy_(line.whitening)
-        gate: RangeGate = self.head.scores[0]  # type: ignore[index]
-        gate.limits.copy_(gate.limits_of(rows))
-        gate.fragments.fill_(usual if whole else 1)
-        weights, bias = line.enlarged(share)
-        self.score_layer.weight.copy_(weights[:, :, None, None])
-        self.score_layer.bias = nn.Parameter(bias.to(self.score_layer.weight))
-        self._fit_planes(inputs, labels, line, whole=whole and usual >= 2)
-        other: GainlessLine = self.head.scores.gainless  # type: ignore[assignment]
-        other.fit(line, gainless if self.head.scores.is_linear else None, rows, share)
-        most = int(usual * SHORT_PART)
-        within: FeatureRange = getattr(self.head.scores, RANGE)
-        within.take(None)
-        if self.head.scores.is_linear and not self.levels:  # they tell much by their range
-            means = rows
-            if not whole:
-                every = torch.split(rows, [features.shape[-1] for features in inputs])
-                means = torch.stack([fragments.mean(dim=0) for fragments in every])
-            within.fit(means, len({*counted}), most)
-        self._fit_short(inputs, given, groups, counted, pieces, disturbed, most)
-        self._fit_reach(rows, pieces, share.square())
+        subsets = [kept for kept in subsets if (kept * varies[others]).any()]
+        if not self.levels or not subsets:
+            return line, None
+        changes = changes[:, others]
+        return line, fitted(rows[:, others], changes=changes, subsets=subsets, levels=0)
 
-    def _fit_reach(self, rows: Tensor, pieces: Sequence[tuple[int, Tensor]], share: Tensor) -> None:
-        """Fit how far out recordings lie that scores are sure of.
+    def _fit_range(self, examples: Examples, rows: Tensor, most: int) -> None:
+        """Fit the range of the features, where no levels count, which tell much by it.
 
         Args:
-            rows: Standardised training rows (rows, D).
-            pieces: Numbers of inputs, and the features of a piece of each.
-            share: Of each feature in the squared length of a row (D,).
+            examples: Recordings.
+            rows: Standardised training rows (rows, D) of them, or of their fragments.
+            most: Fragments of the longest recording that is short.
         """
-        reach: ScoreReach = self.head.scores.reach  # type: ignore[assignment]
-        reach.take(None)
-        if not self.head.scores.is_linear:
+        self.scores.range.take(None)
+        if not self.scores.is_linear or self.levels:
             return
-        gate: RangeGate = self.head.scores[0]  # type: ignore[index]
-        lengths: dict[int, float] = {}  # of the longest piece of each
-        for number, piece in pieces:
-            mean = self.features(piece.mean(dim=2)[None, :, :, None], "fc2")
-            inside = gate(mean[..., None], (mean, piece.shape[2])).double().flatten()
-            lengths[number] = max(lengths.get(number, 0.0), float(inside.square() @ share))
-        if lengths:
-            reach.fit(torch.tensor([*lengths.values()]), share, 1)
-        else:
-            reach.fit(rows.square() @ share, share, REACH)
+        if len(rows) != len(examples.inputs):
+            every = torch.split(rows, [features.shape[-1] for features in examples.inputs])
+            rows = torch.stack([fragments.mean(dim=0) for fragments in every])
+        self.scores.range.fit(rows, len({*examples.recordings}), most)
 
-    def _changes(self, disturbed: Sequence[Pair], scale: Tensor) -> Tensor:
-        """Return by how much disturbed rows differ, each of length one: (changes, D).
-
-        Kinds of disturbance count alike then, whether they are strong or weak. Levels, which a
-        disturbance need not keep, count nothing.
-
-        Args:
-            disturbed: As of :meth:`fit`.
-            scale: By which features are multiplied (D,).
-        """
-        pairs = [[x[0].double().cpu().mean(dim=1) for x in pair] for pair in disturbed]
-        changes = torch.zeros(len(pairs), len(scale)).double()
-        for row, (before, after) in zip(changes, pairs, strict=True):
-            row.copy_((after - before) * scale)
-        changes[:, len(scale) - self.levels :] = 0
-        lengths = changes.norm(dim=1)
-        unit: Tensor = changes[lengths > 0] / lengths[lengths > 0, None]
-        return unit
-
-    def _fit_planes(
-        self, inputs: Sequence[Tensor], labels: Tensor, line: Line, *, whole: bool
-    ) -> None:
+    def _fit_planes(self, examples: Examples, line: Line) -> None:
         """Fit planes of the classes in one of the blocks of means, if they clearly beat the line.
 
         Args:
-            inputs: Features (1, D, L) of each recording.
-            labels: (recordings,) class indices.
+            examples: Recordings, each of which was a row.
             line: The line.
-            whole: Whether its rows are recordings, of which fragments are parts.
         """
-        planes: ClassPlanes = self.head.scores.planes  # type: ignore[assignment]
-        planes.take(None)
-        if not whole:
-            return
-        some, few, (parts, units), rival = line.tried
         mean, scale = (x.double().cpu()[:, :, 0] for x in (self.mean, self.scale))
         ends = self.sizes.cumsum(dim=0).tolist()
         spans = [
@@ -339,60 +293,51 @@ class LinearNet(nn.Module):
         ]
 
         def cut(span: slice, some: Iterable[int]) -> list[Tensor]:
-            chosen = (inputs[number][0, span] for number in some)
+            chosen = (examples.inputs[number][0, span] for number in some)
             return [((x.double().cpu() - mean[span]) * scale[span]).T for x in chosen]
 
-        chosen = clearly_better_planes(
-            (cut(span, some.tolist()) for span in spans), few, parts, units, rival
-        )
-        if chosen is not None:
-            number, scores = chosen
-            sharpness = sharpness_of(scores, few, parts, 1 / SHARPNESS)
-            every = cut(spans[number], range(len(inputs)))
-            fitted = fit_planes(every, labels, self.classes)
-            wide = torch.zeros(len(fitted.projection), len(scale)).double()
-            wide[:, spans[number]] = fitted.projection
-            planes.fit(fitted._replace(projection=wide), sharpness)
+        self.scores.planes.fit_if_better(cut, spans, examples.labels, line.tried)
 
-    def _fit_short(
-        self,
-        inputs: Sequence[Tensor],
-        labels: Tensor,
-        groups: Sequence[str] | None,
-        recordings: Sequence[int],
-        pieces: Sequence[tuple[int, Tensor]],
-        disturbed: Sequence[Pair],
-        most: int,
-    ) -> None:
+    def _fit_short(self, examples: Examples, most: int) -> None:
         """Fit the line of short recordings to pieces of recordings beside the whole ones.
 
         Args:
-            inputs: Features (1, D, L) of each recording.
-            labels: (recordings,) class indices.
-            groups: Group of each recording, if that is known.
-            recordings: Number of the recording that each input is a version of.
-            pieces: Numbers of inputs, and the features of a piece of each.
-            disturbed: Features of recordings, and of the same with a change.
+            examples: Recordings with their pieces.
             most: Fragments of the longest recording that is short.
         """
-        short: ShortLine = self.head.scores.short  # type: ignore[assignment]
-        short.take(None)
-        whole = sorted({number for number, _ in pieces})
-        unused = not (self.cuts and most and self.head.scores.is_linear)
-        if unused or {*labels[whole].tolist()} != {*range(self.classes)}:
+        self.scores.short.take(None)
+        used = self.cuts and most and self.scores.is_linear
+        if not used or (given := examples.with_pieces()) is None:
             return
-        rows = [(number, inputs[number]) for number in whole] + [*pieces]
-        numbers, features = [number for number, _ in rows], [x for _, x in rows]
         other = LinearNet(
             self.classes, bands=len(self.mean), blocks=self.blocks, strength=self.strength,
             shrinkage=self.shrinkage,
         )  # fmt: skip
-        other.fit(
-            features, labels[numbers], groups and [groups[number] for number in numbers],
-            [recordings[number] for number in numbers], disturbed=disturbed,
-        )  # fmt: skip
+        other.fit(*given)
         weight, bias = self._translated(other)
-        short.take({"weight": weight, "bias": bias, "most": torch.tensor(float(most))})
+        self.scores.short.take({"weight": weight, "bias": bias, "most": torch.tensor(float(most))})
+
+    def _fit_reach(self, examples: Examples, rows: Tensor, share: Tensor) -> None:
+        """Fit how far out recordings lie that scores are sure of.
+
+        Args:
+            examples: Recordings with their pieces.
+            rows: Standardised training rows (rows, D).
+            share: Of each feature in the squared length of a row (D,).
+        """
+        reach, gate = self.scores.reach, self.scores.gate
+        reach.take(None)
+        if not self.scores.is_linear:
+            return
+        lengths: dict[int, float] = {}  # of the longest piece of each
+        for number, piece in examples.pieces:
+            mean = self.features(piece.mean(dim=2)[None, :, :, None], "fc2")
+            inside = gate(mean[..., None], (mean, piece.shape[2])).double().flatten()
+            lengths[number] = max(lengths.get(number, 0.0), float(inside.square() @ share))
+        if lengths:
+            reach.fit(torch.tensor([*lengths.values()]), share, 1)
+        else:
+            reach.fit(rows.square() @ share, share, REACH)
 
     def _translated(self, other: "LinearNet") -> tuple[Tensor, Tensor]:
         """Return the weights (classes, D, 1, 1) and biases that score alike by own features."""
@@ -415,29 +360,3 @@ class LinearNet(nn.Module):
             kept = torch.tensor([kind in used for kind, _ in self.blocks])
             if kept.any():
                 yield torch.repeat_interleave(kept, self.sizes).double()
-
-
-def _rows(
-    inputs: Sequence[Tensor],
-    labels: Tensor,
-    groups: Sequence[Hashable],
-    recordings: Sequence[Hashable],
-) -> tuple[Tensor, Tensor, LeftOut]:
-    """Return a row for each recording, or for each fragment where each class has one recording.
-
-    Returns:
-        Rows (rows, D), their labels, and how they are left out.
-    """
-    parts = torch.tensor(leave_out(labels.tolist(), groups, recordings))
-    named = left_out_units(labels.tolist(), groups, recordings)
-    numbers = {unit: number for number, unit in enumerate(dict.fromkeys(named))}
-    units = torch.tensor([numbers[unit] for unit in named])
-    if bool((parts >= 0).any()):
-        rows = torch.empty(len(inputs), inputs[0].shape[1], dtype=torch.float64)
-        for row, features in zip(rows, inputs, strict=True):
-            row.copy_(features[0].double().mean(dim=1))
-        return rows, labels, LeftOut(parts, units)
-    fragments = torch.tensor([features.shape[-1] for features in inputs])
-    rows = torch.cat([features[0].T for features in inputs]).cpu().double()
-    labels, units = (torch.repeat_interleave(x, fragments) for x in (labels, units))
-    return rows, labels, LeftOut(torch.arange(len(rows)) % PARTS, units)

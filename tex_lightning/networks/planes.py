@@ -7,13 +7,14 @@ directions does: probabilistic principal components of each class (Tipping and B
 
 import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple, cast
 
 import torch
 from torch import Tensor, nn
 
 from tex_lightning.networks.blocks import FittedLater
+from tex_lightning.networks.choice import SHARPNESS, Tried, sharpness_of
 
 DIRECTIONS = 2  # in which a class reaches far: a stroke varies in speed and force
 POOLED = 12.0  # fragments that the scatter of all classes together counts for, in each of them
@@ -70,6 +71,7 @@ class ClassPlanes(FittedLater):
             directions=(classes, "far", "d"), narrow=(classes, "far"),
             precision=(classes,), offset=(classes,),
         )  # fmt: skip
+        self.bands = bands
 
     def forward(self, x: Tensor) -> Tensor:
         """Map features (B, D, M, N) to class scores before softmax (B, classes, M, N)."""
@@ -81,6 +83,35 @@ class ClassPlanes(FittedLater):
         """Use these classes, their scores times ``sharpness``."""
         sharper = ("narrow", "precision", "offset")
         self.take({n: x * (sharpness if n in sharper else 1) for n, x in fitted._asdict().items()})
+
+    def fit_if_better(
+        self,
+        fragments: Callable[[slice, Iterable[int]], list[Tensor]],
+        spans: Sequence[slice],
+        labels: Tensor,
+        line: Tried,
+    ) -> None:
+        """Use planes in some of the features, if they clearly beat a line.
+
+        Args:
+            fragments: Returns these features of recordings by their numbers, (L, size of the span)
+                float64 each.
+            spans: Features that planes may be in.
+            labels: (recordings,) class indices.
+            line: What the line gave for left-out recordings.
+        """
+        few, (parts, units) = line.labels, line.left_out
+        tried = (fragments(span, line.some.tolist()) for span in spans)
+        chosen = clearly_better_planes(tried, few, parts, units, line.scores)
+        if chosen is None:
+            return
+        number, scores = chosen
+        every = fragments(spans[number], range(len(labels)))
+        fitted = fit_planes(every, labels, line.scores.shape[1])
+        wide = torch.zeros(len(fitted.projection), self.bands).double()
+        wide[:, spans[number]] = fitted.projection
+        sharpness = sharpness_of(scores, few, parts, 1 / SHARPNESS)
+        self.fit(fitted._replace(projection=wide), sharpness)
 
 
 def fit_planes(fragments: Sequence[Tensor], labels: Tensor, classes: int) -> Fitted:
