@@ -15,6 +15,7 @@ from sklearn.base import clone, is_classifier
 from sklearn.calibration import CalibratedClassifierCV
 from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LogisticRegression
+from sklearn.metrics import log_loss
 from sklearn.model_selection import GridSearchCV, StratifiedGroupKFold, cross_val_score
 from sklearn.pipeline import make_pipeline
 from sklearn.utils.estimator_checks import estimator_checks_generator
@@ -328,6 +329,16 @@ def test_labels_of_new_classes_have_the_type_of_the_others(fitted, strokes):
     with pytest.raises(ValueError, match="The classes are float64, and y is int64"):
         model.enroll(x[8:], [4] * 4)
     assert model.enroll(x[8:], [4.0] * 4).predict(x).tolist() == [1] * 4 + [0] * 4 + [4] * 4
+
+
+def test_classes_of_a_checkpoint_are_sorted_as_metrics_take_them(strokes, tmp_path):
+    x, y = strokes
+    names = [{"a": "S2", "b": "S10", "c": "S1"}[label] for label in y]
+    model = tl.Estimator("mfcc_nb", rate=SLOW_RATE).fit(x, names)
+    again = tl.Estimator.load(model.save(tmp_path / "m.ckpt"), rate=SLOW_RATE)
+    assert again.predictor_.classes == ["S1", "S2", "S10"]
+    assert again.classes_.tolist() == ["S1", "S10", "S2"]
+    assert log_loss(names, again.predict_proba(x)) == log_loss(names, model.predict_proba(x)) < 1
 
 
 @pytest.fixture(scope="module")

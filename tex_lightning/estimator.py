@@ -312,7 +312,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         with estimator._working():
             keys = [as_key_value(name, value) for name, value in estimator._keys.items()]
             estimator.predictor_ = load(path, *keys, trusted=trusted)
-            estimator.classes_ = np.array(estimator.predictor_.classes)
+            estimator.classes_ = np.unique(estimator.predictor_.classes)  # metrics take them sorted
         return estimator
 
     def export(self, folder: str | Path, format: str = "onnx") -> list[Path]:
