@@ -235,6 +235,9 @@ def test_what_is_wrong_is_one_sentence_and_a_value_error(fitted, strokes):
         clone(fitted).fit(np.zeros((12, 32, 32, 3)), y)
     with pytest.raises(ValueError, match="give a list, of one path"):
         fitted.predict("A.wav")
+    for pair in ((SLOW_RATE, x[0]), (x[0], SLOW_RATE)):
+        with pytest.raises(ValueError, match="give a list, of one such pair"):
+            fitted.predict(pair)
     with pytest.raises(ValueError, match="takes haptic, not file"):
         fitted.predict(pd.DataFrame({"file": ["A.wav"]}))
     with pytest.raises(ValueError, match=r"There is no label"):

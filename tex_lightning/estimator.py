@@ -78,8 +78,8 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
     (or column of pandas) of (samples,) or (axes, samples) of any lengths, of pairs of these and
     their rate in Hz, of paths, or of photos (height, width, 3) uint8. Of several modalities it is
     ``{"haptic": […], "image": […]}``, a list of such dictionaries, one for each sample, or a table
-    of pandas with a column for each; these two can be divided by scikit-learn. At least two classes
-    are needed.
+    of pandas with a column for each; these two can be divided by scikit-learn. None and an empty
+    cell of pandas are an absent modality. At least two classes are needed.
 
     Args:
         model: A preset (``few/haptic``, an ``experiment``) or a model (``haptic``) by its name.

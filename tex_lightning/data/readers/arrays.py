@@ -42,7 +42,7 @@ def is_table(given: Any, modalities: Sequence[str]) -> bool:  # noqa: ANN401
     if isinstance(kind := getattr(getattr(given, "dtype", None), "kind", None), str):
         return given.ndim != 1 or kind not in "OUS"  # an array, or a column of pandas
     if isinstance(given, Sequence) and not isinstance(given, str):
-        return len(given) > 0 and _is_number(given[0])
+        return len(given) > 0 and _is_number(given[0]) and with_rate(given)[1] is None
     return not isinstance(given, Iterable) or hasattr(given, "__array__")
 
 
@@ -86,6 +86,10 @@ def _as_samples(given: Any, modalities: Sequence[str]) -> list[Sample]:  # noqa:
         given = {str(name): given[name].tolist() for name in given.columns}
     if isinstance(given, str | Path):
         raise UserError(f"X is {shorten(given)}; give a list, of one path if there is one.")
+    if with_rate(given)[1] is not None:
+        raise UserError(
+            "X is a recording and its rate; give a list, of one such pair if it is one."
+        )
     if isinstance(given, Mapping):
         return _by_modality({str(name): [*items] for name, items in given.items()}, modalities)
     items = [*given]
