@@ -107,6 +107,7 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(group):
         (["data=folder", "data.root=/no/such/folder"], "Folder /no/such/folder does not exist"),
         (["model=visual", "model.visual.fit.patch=50"], "patch is 50, and this network needs"),
         (["model=fusion", "model.fusion.haptic_checkpoint=/no.ckpt"], "/no.ckpt does not exist"),
+        (["model=fusion", "model.fusion.haptic_checkpoint=/dev"], "/dev holds no finished check"),
         (["task=predict", "checkpoint=/no.ckpt", "haptic=a.wav"], "/no.ckpt does not exist"),
     ],
 )

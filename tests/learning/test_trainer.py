@@ -1,11 +1,14 @@
 """Checkpoint files as Lightning would write them, and the progress bar."""
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import torch
 from conftest import make_card, save_checkpoint
 
+from tex_lightning.config.mistakes import to_user_error
 from tex_lightning.core.contract import fault_of
 from tex_lightning.errors import UserError
 from tex_lightning.learning.train import Training
@@ -33,6 +36,20 @@ def test_what_a_callback_raises_is_told_with_its_key():
     with pytest.raises(KeyError) as caught:
         callback.on_train_epoch_end()
     assert fault_of(caught.value) == "callbacks.mine (Breaking) raised KeyError."
+
+
+def test_what_a_callback_of_lightning_rejects_is_a_mistake_in_its_key():
+    target = "lightning.pytorch.callbacks.EarlyStopping"
+    (callback,) = build_callbacks({"stop": {"_target_": target, "monitor": "val/los"}}, {})
+    trainer: Any = SimpleNamespace(
+        fast_dev_run=False, sanity_checking=False, callback_metrics={"val/loss": torch.tensor(1.0)},
+        state=SimpleNamespace(fn="fit"),
+    )  # fmt: skip
+    with pytest.raises(RuntimeError) as caught:
+        callback.on_validation_end(trainer, None)
+    mistake = to_user_error(caught.value, began=True)
+    assert "callbacks.stop (EarlyStopping) fails: Early stopping cond" in str(mistake)
+    assert to_user_error(RuntimeError("of the program"), began=True) is None
 
 
 def test_what_a_killed_run_kept_to_resume_from_goes_once_it_is_trained(tmp_path: Path) -> None:

@@ -166,12 +166,23 @@ def test_help_and_near_matches_know_the_users_files(cli, tmp_path):
     assert "--config-dir=/no/such is no folder" in outcome.err
 
 
+def test_a_photo_that_is_too_small_for_an_own_trunk_is_named(cli, data, flat, tmp_path):
+    small = ["model=visual", "trunk=small", "data.resize=64", f"hydra.run.dir={tmp_path}"]
+    outcome = cli(*CONF, *data, *small)
+    assert outcome.status == 2
+    assert f"Error: {flat}/alpha_0.png: The photo has " in outcome.err
+
+
 def test_a_broken_file_of_the_user_ends_in_one_sentence(cli, tmp_path):
     (tmp_path / "data").mkdir()
     (tmp_path / "data" / "bad.yaml").write_text("name: {a: ???}\n")
     outcome = cli(f"--config-dir={tmp_path}", "data=bad")
     assert (outcome.status, outcome.err.count("\n")) == (2, 1)
     assert f"{tmp_path}/data/bad.yaml" in outcome.err
+    (tmp_path / "callbacks").mkdir()
+    (tmp_path / "callbacks" / "diary.yaml").touch()
+    outcome = cli(f"--config-dir={tmp_path}", "callbacks=[default,dairy]")
+    assert "(did you mean diary?); choose one of default, diary." in outcome.err
 
 
 def forge(run: Path, path: Path, target: str) -> Path:

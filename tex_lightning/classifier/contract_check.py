@@ -15,6 +15,7 @@ from tex_lightning.core.contract import Part, breach, calling, check_call, descr
 from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.data.recordings import Recording, Recordings, class_indices
 from tex_lightning.data.store import Store
+from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.networks.trunks import Trunk
 from tex_lightning.senses.base import Change, Sense, as_tensor
@@ -76,6 +77,8 @@ def check_parts(
     if fit["epochs"]:  # else what has only buffers is fitted in closed form
         check_gradient(scores, sense, scored)
     examples = [as_tensor(store.load(row)) for row in rows[:BATCH]]
+    for row, example in zip(rows, examples, strict=False):
+        _check_size(sense, row, example)
     check_outputs(classifier.eval(), rebuilt.eval(), examples)
 
 
@@ -95,6 +98,15 @@ def _check_calls(sense: Sense) -> None:
     network: Any = sense.network
     if not is_builtin(network):
         check_call(scored, network.features, "x", "level")
+
+
+def _check_size(sense: Sense, row: Recording, recording: Tensor) -> None:
+    """Name the file if even the largest recording is too small for one prediction."""
+    try:
+        if sense.knows_min_size:
+            sense.check(recording)
+    except UserError as error:
+        raise UserError(f"{row.source}: {error}") from error
 
 
 def _check_normalised(sense: Sense, recording: Tensor) -> None:

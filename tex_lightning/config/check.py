@@ -51,6 +51,8 @@ def read_config(composed: DictConfig) -> Config:
     if missing := missing_keys(composed):
         example = " ".join(f"{key}=VALUE" for key in missing)
         raise UserError(f"No value for {', '.join(missing)}; add {example} to the command.")
+    if shadow := next(_shadows(composed), None):
+        raise unknown_key(shadow, composed)
     config: Config = OmegaConf.to_object(composed)  # type: ignore[assignment]
     model = config.model
     for name, node in vars(model).items():
@@ -77,6 +79,17 @@ def missing_keys(composed: DictConfig) -> list[str]:
     """Return dotted names of open ``???`` values, without interpolations that refer to them."""
     values: Any = OmegaConf.to_container(composed, resolve=False)
     return sorted(key for key, value in flatten(values).items() if value == MISSING)
+
+
+def _shadows(node: DictConfig, prefix: str = "") -> Iterator[str]:
+    """Yield the keys that would take the place of methods and properties of their section."""
+    kind: Any = OmegaConf.get_type(node)
+    known = [key.name for key in fields(kind)] if is_dataclass(kind) else []
+    for name in map(str, node):
+        if known and name not in known and hasattr(kind, name):
+            yield f"{prefix}{name}"
+        if isinstance(child := node._get_node(name), DictConfig) and not child._is_none():
+            yield from _shadows(child, f"{prefix}{name}.")
 
 
 def _further_keys(section: Any, prefix: str = "") -> Iterator[str]:  # noqa: ANN401

@@ -13,7 +13,8 @@ from yaml import YAMLError
 
 from tex_lightning.config import CONF, READ_FILES, variants
 from tex_lightning.config.keys import nearest
-from tex_lightning.core.contract import fault_of
+from tex_lightning.config.user_folders import user_folders
+from tex_lightning.core.contract import fault_of, rejected_by_library
 from tex_lightning.core.files import UNWRITABLE, unwritable
 from tex_lightning.errors import UserError, reason, shorten
 
@@ -40,6 +41,8 @@ def to_user_error(error: Exception, *, began: bool) -> UserError | None:
         return error
     if fault_of(error) is not None:  # of the user's own code, which keeps its traceback
         return None
+    if (said := rejected_by_library(error)) is not None:
+        return UserError(said)
     if isinstance(error, MISTAKES):
         return explain(error)
     if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
@@ -71,7 +74,11 @@ def explain(error: Exception) -> UserError:
     wrong = str(getattr(error, "missing_cfg_file", ""))
     group, _, option = wrong.rpartition("/")
     if isinstance(error, MissingConfigException) and group:
-        options = error.options or [file.stem for file in (CONF / group).glob("*.yaml")]
+        options = error.options or [  # there are none of a list of options
+            file.stem
+            for folder in (CONF, *user_folders())
+            for file in (folder / group).glob("*.yaml")
+        ]
         if not options:  # an experiment, whose name has a folder, as in few/haptic
             group, _, option = wrong.partition("/")
             files = [x.relative_to(CONF).with_suffix("") for x in (CONF / group).rglob("*.yaml")]

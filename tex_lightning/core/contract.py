@@ -142,6 +142,18 @@ def fault_of(error: BaseException) -> str | None:
     return said
 
 
+def rejected_by_library(error: BaseException) -> str | None:
+    """Return a sentence if a class of Lightning itself raised an error, as of a metric's name."""
+    for frame, _ in [*walk_tb(error.__traceback__)][-1:]:
+        part, module = frame.f_locals.get("self"), str(frame.f_globals.get("__name__"))
+        key = getattr(part, "__dict__", {}).get(KEY)
+        if key is not None and module.startswith("lightning."):
+            return (
+                f"{key} ({_name(part)}) fails: {reason(error)}; correct its _target_ or arguments."
+            )
+    return None
+
+
 def check_call(part: Part, called: Callable[..., object], *arguments: str) -> None:
     """Reject a function or method that cannot be called with so many arguments.
 

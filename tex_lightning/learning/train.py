@@ -32,7 +32,7 @@ from tex_lightning.core.console import log_once
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import write_bytes
 from tex_lightning.core.progress import track
-from tex_lightning.core.run_folder import checkpoint_of
+from tex_lightning.core.run_folder import checkpoint_of, find_checkpoint
 from tex_lightning.data.banks import Bank, Indices
 from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatches
 from tex_lightning.data.folds import Split, make_samples
@@ -88,7 +88,7 @@ def train_networks(
     """
     model, whole = config.model, configured_card(config, classes)
     starts = {  # before time is spent on the other networks
-        name: load_start(Path(path), whole.of([name]), parts.test, config.data)
+        name: load_start(find_checkpoint(path), whole.of([name]), parts.test, config.data)
         for name, path in model.checkpoints.items()
     }
     for name in track(model.trained, "network {}".format):

@@ -12,7 +12,7 @@ from tex_lightning.classifier.contract_check import BATCH, check_baseline, check
 from tex_lightning.config import Config
 from tex_lightning.config.instantiation import PACKAGE
 from tex_lightning.config.model import FUSION
-from tex_lightning.core.run_folder import checkpoint_of
+from tex_lightning.core.run_folder import checkpoint_of, find_checkpoint
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
@@ -58,7 +58,8 @@ def _try_sense(config: Config, card: Card, source: str | None) -> Sense:
     """Make one sense as it will be trained, or load it from its given checkpoint."""
     name, model = card.kind, config.model
     if name in model.checkpoints:
-        return SurfaceClassifier.from_checkpoint(model.checkpoints[name], name).senses[name]
+        file = find_checkpoint(model.checkpoints[name])
+        return SurfaceClassifier.from_checkpoint(file, name).senses[name]
     module = make_module(config, card)
     module.configure_optimizers()
     if source is not None:
