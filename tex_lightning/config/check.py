@@ -23,7 +23,7 @@ from tex_lightning.config.model import (
     SenseConfig,
     SignalConfig,
 )
-from tex_lightning.config.nodes import as_taken, node_complaints, shared_complaints, takes
+from tex_lightning.config.nodes import as_taken, is_node, node_complaints, shared_complaints, takes
 from tex_lightning.config.rules import RULES
 from tex_lightning.config.signatures import misfits
 from tex_lightning.errors import UserError
@@ -56,7 +56,8 @@ def read_config(composed: DictConfig) -> Config:
     config: Config = OmegaConf.to_object(composed)  # type: ignore[assignment]
     model = config.model
     for name, node in vars(model).items():
-        if isinstance(node, dict) and TARGET in node and name != "baseline":
+        is_sense = isinstance(node, dict) and (TARGET in node or name in model.senses)
+        if is_sense and name != "baseline":
             setattr(model, name, _custom_sense(name, node, composed))
     for section in map(model.sense, model.known):
         vars(section).update(as_taken(section.node))
@@ -113,11 +114,11 @@ def _is_referred_to(name: str, composed: DictConfig) -> bool:
 
 def _custom_sense(name: str, node: dict[str, Any], composed: DictConfig) -> SenseConfig:
     where = f"model.{name}"
-    medium = getattr(find_class(where, node), "medium", None)
+    medium = getattr(find_class(where, node), "medium", None) if TARGET in node else None
     if medium not in SCHEMAS:
         raise UserError(
-            f"{where} names {node[TARGET]}, which is no sense: begin its file with defaults: "
-            "[signal, _self_] or [photo, _self_]."
+            f"{where} names {node.get(TARGET, 'no class')}, which is no sense: begin its file with "
+            "defaults: [signal, _self_] or [photo, _self_]."
         )
     schema = OmegaConf.structured(SCHEMAS[medium])
     for section in (schema, schema.fit.optimizer, schema.fit.schedule):
@@ -168,6 +169,9 @@ def _parts(config: Config) -> Iterator[str]:
         section, where = model.sense(name), f"model.{name}"
         yield from shared_complaints(where, section.node, *section.classes)
         if name in model.senses:
+            for part in ("features", "network"):
+                if not is_node(section.node[part]):
+                    yield f"{where}.{part} names no class: give {{_target_: MODULE.CLASS}}"
             given = {key: value for key, value in section.decode.items() if value is not None}
             yield from node_complaints(f"{where}.decode", {TARGET: section.decoder, **given})
             for part, node in section.node.items():

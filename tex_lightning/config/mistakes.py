@@ -118,7 +118,8 @@ def _near_keys(word: str, config: DictConfig) -> list[str]:
     (``fit.epochs``), its name in another section, a slip in that, and its initials (``lr``).
     """
     values: Any = OmegaConf.to_container(config, resolve=False)
-    names = {name: name.rpartition(".")[2] for name in _names(values) if name != word}
+    others = (name for name in _names(values) if not f"{name}.".startswith(f"{word}."))
+    names = {name: name.rpartition(".")[2] for name in others}
     leaf = word.rpartition(".")[2]
     like = get_close_matches(leaf, sorted({*names.values()}), n=1)
     rules = (
