@@ -6,6 +6,7 @@ from conftest import make_card
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
+from tex_lightning.config.instantiation import trust
 from tex_lightning.errors import UserError
 from tex_lightning.learning.enrolment import add_classes, fit_new_class_weights
 
@@ -30,9 +31,12 @@ def described(classifier, senses):
     return found
 
 
-def make_classifier(*senses, level="fc2"):
+def make_classifier(*senses, level="fc2", network=None):
     torch.manual_seed(0)
-    classifier = SurfaceClassifier(make_card(*senses, level=level, width=0.1)).eval()
+    card = make_card(*senses, level=level, width=0.1)
+    if network is not None:
+        card.senses["haptic"]["network"] = {"_target_": network}
+    classifier = SurfaceClassifier(card).eval()
     features = described(classifier, senses)
     for name in senses:
         size = features[name][0][0].shape[0]
@@ -43,10 +47,12 @@ def make_classifier(*senses, level="fc2"):
     return classifier, features
 
 
+@pytest.mark.parametrize("network", [None, "own_networks.Residual"])  # a user's keeps its own
 @torch.no_grad()
-def test_scores_of_the_old_classes_stay():
+def test_scores_of_the_old_classes_stay(network):
+    trust("own_networks")
     senses = ["haptic", "visual"]
-    classifier, features = make_classifier(*senses)
+    classifier, features = make_classifier(*senses, network=network)
     with torch.enable_grad():
         found = add_classes(classifier, NEW, features)
     assert found.card.classes == [*classifier.card.classes, *NEW]

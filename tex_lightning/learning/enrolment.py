@@ -135,6 +135,10 @@ def add_classes(
     card = replace(classifier.card, classes=[*classifier.card.classes, *names])
     state = classifier.state_dict() | _with_rows(classifier, layer, torch.cat(rows, dim=1), biases)
     state |= _with_limits(classifier, features)
+    for name, new in zip(senses, rows, strict=True):  # a user's network keeps its own, unused
+        own = None if fusion is None else score_layer_of(classifier.senses[name].network)
+        if own is not None:
+            state |= _with_rows(classifier, own, new, new.new_zeros(len(new)))
     grown = _rebuilt(card, state, statistics)
     for name, known in classifier.rows.items():
         grown.rows[name] = _with_recordings(
