@@ -57,6 +57,12 @@ def test_a_sense_that_begins_with_one_of_the_package_has_its_keys():
     check("+sense@model.grip=haptic", "model.grip.modality=grip", own, senses="grip")
 
 
+@pytest.mark.parametrize(("given", "meant"), [("image", "visual"), ("forse", "force")])
+def test_a_wrong_sense_has_a_near_match(given, meant):
+    with pytest.raises(UserError, match=rf"names {given} \(did you mean {meant}\?\), and there"):
+        check(senses=given)
+
+
 def test_a_sense_that_is_not_trained_is_not_looked_at():
     check("model.force.network._target_=no.such.Class", senses="haptic")
 

@@ -15,7 +15,7 @@ from omegaconf.errors import ConfigKeyError, OmegaConfBaseException
 
 from tex_lightning.config import READ_FILES, Config, ModelConfig, flatten, trunk_name
 from tex_lightning.config.instantiation import TARGET, find_class
-from tex_lightning.config.keys import choice
+from tex_lightning.config.keys import choice, nearest
 from tex_lightning.config.mistakes import refusal, unknown_key
 from tex_lightning.config.model import (
     CHECKPOINT,
@@ -68,8 +68,10 @@ def read_config(composed: DictConfig) -> Config:
             raise unknown_key(name, composed)
     for name in model.senses:
         if name not in model.known:
+            by_modality = {model.sense(each).modality: each for each in reversed(model.known)}
+            near = nearest(by_modality.get(name, name), model.known)  # image is that of visual
             raise UserError(
-                f"model.senses names {name}, and there is no such sense: choose from "
+                f"model.senses names {name}{near}, and there is no such sense: choose from "
                 f"{', '.join(model.known)}, or write conf/sense/{name}.yaml and give "
                 "--config-dir conf."
             )
