@@ -401,6 +401,8 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
     def _overrides(self, folder: Path) -> list[str]:
         """Return the command line for a training on the manifest in a folder."""
         given = {"seed": self.seed, **self._keys}
+        if "task" in given:
+            raise InvalidInput("Estimator takes no task, since fit trains; run others by tl.train.")
         return [
             "task=fit",
             named_model(self.model),

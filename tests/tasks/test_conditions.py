@@ -118,6 +118,8 @@ def test_a_checkpoint_is_tested_on_the_same_conditions_or_not_at_all(
         (["data.test_where={light: lamp}", "model=haptic"], "no recording has light lamp; choose"),
         ([FAST, "task=crossval"], "data.test_where is read by task=fit"),
         (["data.per_class=2", "task=evaluate", "checkpoint=a"], "data.per_class is read by"),
+        (["crossval.only=[0]"], "crossval.only is read by task=crossval, task=frontier alone"),
+        (["stability.only=[hum]"], "stability.only is read by task=stability alone"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(cli, manifest, tmp_path, arguments, message):

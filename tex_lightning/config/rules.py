@@ -30,6 +30,13 @@ READ_BY = {
     "data.skip_bad": ("fit", "crossval", "evaluate", "enroll", "adapt", "stability", "frontier"),
     "data.val_fold": ("fit", "evaluate", "export", "stability"),
     "data.test_where": ("fit", "evaluate", "adapt", "stability"),
+    "crossval.only": ("crossval", "frontier"),
+    "crossval.refit": ("crossval",),
+    **dict.fromkeys(("frontier.only", "frontier.senses"), ("frontier",)),
+    **{f"stability.{name}": ("stability",) for name in ("systems", "only", "severities")},
+    **dict.fromkeys(("record.label", "record.out"), ("record",)),
+    "export.out": ("export",),
+    "stream.window": ("stream", "predict"),  # a predictor in Python makes streams
 }
 NOT_SEQUENTIAL = ("profile", "stability", "stream")
 Rule = tuple[bool, str]
