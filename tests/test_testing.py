@@ -35,10 +35,10 @@ from tex_lightning.networks.linear import LinearNet
 from tex_lightning.networks.trunks import Trunk
 from tex_lightning.perturbations import traces
 from tex_lightning.perturbations.table import perturbations
-from tex_lightning.senses.base import make_sense
 from tex_lightning.senses.features.image import ImageFeatures
 from tex_lightning.senses.features.proportions import BandProportions
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
+from tex_lightning.senses.making import make_sense
 from tex_lightning.senses.photo import PhotoSense
 from tex_lightning.senses.signal import SignalSense
 from tex_lightning.testing import check_part

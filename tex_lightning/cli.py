@@ -355,7 +355,8 @@ def set_devices(config: Config) -> int:
     keep_memory()
     if config.task not in TRAINING:
         return 1
-    processes = count_processes(config.trainer)
+    trainer = config.trainer
+    processes = count_processes(trainer.accelerator, trainer.devices, trainer.num_nodes)
     check_started(processes)
     return processes
 

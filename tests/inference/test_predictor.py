@@ -87,8 +87,12 @@ def test_what_decides_by_some_senses_is_chosen_and_not_built(untrained, monkeypa
     def build(*_, **__):
         raise AssertionError("a classifier or a copy was made inside of a prediction")
 
-    for place in ("SurfaceClassifier.__init__", "deepcopy", "independent_copy", "shared_copy"):
-        monkeypatch.setattr(f"tex_lightning.classifier.classifier.{place}", build)
+    for place in (
+        "classifier.classifier.SurfaceClassifier.__init__", "classifier.classifier.shared_copy",
+        "networks.fusionnet.deepcopy", "networks.fusionnet.independent_copy",
+        "networks.fusionnet.shared_copy",
+    ):  # fmt: skip
+        monkeypatch.setattr(f"tex_lightning.{place}", build)
     both, haptic = loaded.predict(haptic=TRACE, image=PHOTO), loaded.predict(haptic=TRACE)
     assert (both.fragments, haptic.modalities) == (50, ("haptic",))
     assert loaded.predict(image=PHOTO).modalities == ("image",)

@@ -11,8 +11,8 @@ from tex_lightning.config import CONF
 from tex_lightning.config.check import read_config
 from tex_lightning.config.composition import compose_config
 from tex_lightning.networks.trunks.alexnet import CaffeAlexNet
-from tex_lightning.senses.base import make_sense
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
+from tex_lightning.senses.making import make_sense
 
 CLASSES = 3
 MADE = {

@@ -60,7 +60,7 @@ class Card:
     Attributes:
         classes: Class names in the order of the network's outputs.
         senses: By the name of each sense its settings, from which
-            :func:`~tex_lightning.senses.base.make_sense` makes it: ``_target_``, ``modality``,
+            :func:`~tex_lightning.senses.making.make_sense` makes it: ``_target_``, ``modality``,
             ``decode``, ``features``, ``network`` and their arguments.
         decision: ``pairs`` and ``seed`` of FusionNet's vote, ``rule`` and ``unknown``.
         fusion: ``level`` of FusionNet; empty for a single sense.

@@ -9,7 +9,6 @@ all senses to class scores (classes, fragments); :meth:`decide` makes the label 
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from copy import deepcopy
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, cast
 
@@ -35,13 +34,13 @@ from tex_lightning.networks.archives import SizeLimit, check_numbers
 from tex_lightning.networks.blocks import (
     Head,
     Level,
-    independent_copy,
     score_layer_of,
     shared_copy,
 )
-from tex_lightning.networks.fusionnet import FusionLayer, bounded
+from tex_lightning.networks.fusionnet import FusionLayer, bounded, scored_by
 from tex_lightning.networks.line import LineOrPlanes
-from tex_lightning.senses.base import Sense, content, make_sense
+from tex_lightning.senses.base import Sense, content
+from tex_lightning.senses.making import make_sense
 from tex_lightning_runtime.samples import content_seed
 
 STATISTICS, ROWS = "statistics.", "rows."  # in its own
@@ -390,10 +389,11 @@ class SurfaceClassifier(nn.Module):
         if self.fusion is None or tuple(senses) == self.card.sense_names:
             return self
         chosen = {name: self.senses[name] for name in senses}
-        layer = _sublayer(self.fusion, [self._index(name) for name in senses])
+        layer = self.fusion.of([self._index(name) for name in senses])
         if len(senses) == 1 and layer.levels[0] == "fc2":
-            (name,) = senses
-            chosen[name] = _scored_by(chosen[name], layer.head)
+            ((name, sense),) = chosen.items()
+            network = scored_by(sense.network, layer.head).train(sense.training)
+            chosen[name] = shared_copy(sense, network=network)
         fusion = layer if len(senses) > 1 else None
         part = SurfaceClassifier(self.card.of(senses), chosen, fusion)
         for name in senses:
@@ -413,41 +413,6 @@ class SurfaceClassifier(nn.Module):
                 f"This {self.card.kind} network needs {' and '.join(needs)}; give "
                 f"{' and '.join(f'{key}=FILE' for key in absent)} too."
             )
-
-
-def _sublayer(layer: FusionLayer, indices: Sequence[int]) -> FusionLayer:
-    """Return the fusion layer of some of the senses.
-
-    Only the last sense adds the bias; without that sense the bias is zero.
-    """
-    part = deepcopy(layer)
-    columns = torch.split(layer.head.weight, layer.sizes, dim=1)
-    part.levels = [layer.levels[index] for index in indices]
-    part.sizes = [layer.sizes[index] for index in indices]
-    weight = torch.cat([columns[index] for index in indices], dim=1)
-    part.head.weight = nn.Parameter(weight, layer.head.weight.requires_grad)
-    if len(layer.sizes) - 1 not in indices:
-        part.head.bias.zero_()
-    return part
-
-
-def _scored_by(sense: Sense, layer: nn.Linear) -> Sense:
-    """Return a copy of a sense whose score layer is the fusion layer of this sense alone.
-
-    A network of this package gets a new score layer and shares all others with the original. A
-    user's network is copied as a whole, since its score layer may be anywhere in it.
-    """
-    network: Any = sense.network
-    if isinstance(getattr(network, "head", None), Head):
-        network = shared_copy(network, head=shared_copy(network.head))
-        network.head.restore_scores(layer.weight.shape[1], layer.weight.shape[0])
-    else:
-        network = independent_copy(network)
-    scores = network.score_layer.to(layer.weight)  # its device and type
-    scores.weight.copy_(layer.weight.reshape(scores.weight.shape))
-    scores.bias.copy_(layer.bias)
-    scores.requires_grad_(layer.weight.requires_grad)
-    return shared_copy(sense, network=network.train(sense.training))
 
 
 def join_novelties(outputs: Iterable[SenseOutput]) -> Tensor | None:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import cv2
 import torch
@@ -21,9 +21,6 @@ from tex_lightning.core.ranks import (
     started_processes,
 )
 from tex_lightning.errors import UserError
-
-if TYPE_CHECKING:
-    from tex_lightning.config import TrainerConfig
 
 Result = TypeVar("Result")
 TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # what glibc's malloc.h calls M_...
@@ -135,24 +132,23 @@ def use_tf32(allowed: bool) -> None:
     torch.backends.cuda.matmul.allow_tf32 = allowed
 
 
-def count_processes(trainer: "TrainerConfig") -> int:
+def count_processes(accelerator: str, devices: int | str, num_nodes: int) -> int:
     """Count the processes that train one network together, on all nodes.
 
-    Whether there are so many devices is Lightning's to say.
+    Whether there are so many devices is Lightning's to say, whose flags these are.
 
     Raises:
         UserError: If nothing has started the processes of the other nodes.
     """
-    if trainer.num_nodes > 1 and started_processes() is None:
+    if num_nodes > 1 and started_processes() is None:
         raise UserError(
-            f"trainer.num_nodes is {trainer.num_nodes}, but nothing started a process on every "
+            f"trainer.num_nodes is {num_nodes}, but nothing started a process on every "
             "node; start the command with srun or torchrun."
         )
-    devices = trainer.devices
     if devices == "auto":
-        cuda = pick_device(trainer.accelerator).type == "cuda"
+        cuda = pick_device(accelerator).type == "cuda"
         devices = torch.cuda.device_count() if cuda else 1
-    return trainer.num_nodes * int(devices)
+    return num_nodes * int(devices)
 
 
 def check_started(processes: int) -> None:

@@ -7,7 +7,14 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.networks.blocks import Head, Level, initialise_scores, score_layer_of
+from tex_lightning.networks.blocks import (
+    Head,
+    Level,
+    independent_copy,
+    initialise_scores,
+    score_layer_of,
+    shared_copy,
+)
 
 
 class FusionLayer(nn.Module):
@@ -105,6 +112,42 @@ class FusionLayer(nn.Module):
                 bias = bias + layer.bias
         self.head.weight.copy_(torch.cat(weights, dim=1))
         self.head.bias.copy_(bias)
+
+    @torch.no_grad()
+    def of(self, indices: Sequence[int]) -> "FusionLayer":
+        """Return the layer of some of the senses, by their numbers.
+
+        Only the last sense adds the bias; without that sense the bias is zero.
+        """
+        part = deepcopy(self)
+        columns = torch.split(self.head.weight, self.sizes, dim=1)
+        part.levels = [self.levels[index] for index in indices]
+        part.sizes = [self.sizes[index] for index in indices]
+        weight = torch.cat([columns[index] for index in indices], dim=1)
+        part.head.weight = nn.Parameter(weight, self.head.weight.requires_grad)
+        if len(self.sizes) - 1 not in indices:
+            part.head.bias.zero_()
+        return part
+
+
+@torch.no_grad()
+def scored_by(network: Any, layer: nn.Linear) -> nn.Module:  # noqa: ANN401
+    """Return a copy of a network whose score layer is the fusion layer of its sense alone.
+
+    A network of this package gets a new score layer and shares all others with the original. A
+    user's network is copied as a whole, since its score layer may be anywhere in it.
+    """
+    if isinstance(getattr(network, "head", None), Head):
+        copy: Any = shared_copy(network, head=shared_copy(network.head))
+        copy.head.restore_scores(layer.weight.shape[1], layer.weight.shape[0])
+    else:
+        copy = independent_copy(network)
+    scores = copy.score_layer.to(layer.weight)  # its device and type
+    scores.weight.copy_(layer.weight.reshape(scores.weight.shape))
+    scores.bias.copy_(layer.bias)
+    scores.requires_grad_(layer.weight.requires_grad)
+    made: nn.Module = copy
+    return made
 
 
 def bounded(partial_logits: Tensor, error: Tensor) -> Tensor:

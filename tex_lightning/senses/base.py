@@ -1,4 +1,4 @@
-"""The base class of senses, and how a sense is made from its settings."""
+"""The base class of senses."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -10,11 +10,10 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.config.instantiation import TARGET, make, make_value, trusted_class
 from tex_lightning.core.contract import breach, calling, describe_value
 from tex_lightning.core.devices import full_precision
 from tex_lightning.data.banks import Bank
-from tex_lightning.data.decode import Array, Decoder, check_decoding
+from tex_lightning.data.decode import Array, Decoder
 from tex_lightning.data.recordings import Recording, name_one
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError, reason, shorten
@@ -343,64 +342,6 @@ def as_tensor(recording: Tensor | Array) -> Tensor:
 def content(recording: Tensor) -> Array:
     """Return a recording as the array from whose content random numbers are seeded."""
     return np.ascontiguousarray(recording.cpu().numpy())
-
-
-BUILT = (TARGET, "features", "network")
-
-
-def make_sense(name: str, node: Mapping[str, Any], classes: int) -> Sense:
-    """Make a sense with random weights from its settings.
-
-    Args:
-        name: Name of the sense.
-        node: ``_target_``, a subclass of :class:`Sense`; ``modality``; ``decode``, arguments of
-            its decoder; ``features`` and ``network``, each a ``_target_`` with arguments. Features
-            and network also get those of all other keys that they have a parameter for, and
-            likewise ``classes``, the settings of the decoder and, for the network, ``bands``,
-            ``blocks`` and ``bins`` of the features. A key with a ``_target_`` is built first.
-        classes: Number of classes.
-
-    Raises:
-        UserError: If the node cannot be used, or names a class that is not trusted.
-    """
-    where = f"model.{name}"
-    cls = trusted_class(where, node)
-    if not issubclass(cls, Sense):
-        raise UserError(
-            f"{where} names {node[TARGET]}, which is no sense; take "
-            "tex_lightning.senses.signal.SignalSense or "
-            "tex_lightning.senses.photo.PhotoSense, or derive from one of them."
-        )
-    rest = {key: value for key, value in node.items() if key not in BUILT}
-    nodes = {key: it for key, it in rest.items() if isinstance(it, Mapping) and TARGET in it}
-    values = make_value(where, {key: value for key, value in rest.items() if key not in nodes})
-    modality, decode = values.pop("modality"), values.pop("decode")
-    check_decoding(f"{where}.decode", cls.medium, decode)
-    offered = {**decode, "classes": classes, **values}
-    for key, value in nodes.items():
-        offered[key] = make(f"{where}.{key}", value, **offered)
-    parts: dict[str, Any] = {}
-    for kind in ("features", "network"):
-        parts[kind] = make(f"{where}.{kind}", node[kind], **offered)
-        if not isinstance(parts[kind], nn.Module):
-            raise UserError(f"{where}.{kind} gives {shorten(parts[kind])}, which is no nn.Module.")
-        shape = {name: getattr(parts[kind], name, None) for name in ("bands", "blocks", "bins")}
-        offered |= {name: value for name, value in shape.items() if value is not None}
-    check_network(f"{where}.network", node["network"][TARGET], parts["network"])
-    return cls(name, modality, cls.make_decoder(decode), **parts)
-
-
-def check_network(where: str, name: str, network: object) -> None:
-    """Reject a network without the method that all have.
-
-    Raises:
-        UserError: If it has none.
-    """
-    if not callable(getattr(network, "features", None)):
-        raise UserError(
-            f"{where} names {name}, which has no method features(x, level); add one that gives "
-            "class scores at level fc3."
-        )
 
 
 def _is_finite(x: Tensor) -> bool:

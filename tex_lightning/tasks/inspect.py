@@ -16,7 +16,8 @@ from tex_lightning.data.store import Store, cache_root
 from tex_lightning.errors import UserError, listed
 from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.report.data_page import print_findings
-from tex_lightning.senses.base import Sense, make_sense
+from tex_lightning.senses.base import Sense
+from tex_lightning.senses.making import make_sense
 from tex_lightning.studies.dataset import EMPTY, Dataset
 from tex_lightning.studies.description import keep_description, show_opening
 from tex_lightning.studies.evaluate_checkpoint import results_frame

@@ -34,7 +34,8 @@ from tex_lightning.networks.blocks import independent_copy
 from tex_lightning.networks.trunks import Trunk
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.perturbations.table import SEVERITIES, Perturbation, perturb
-from tex_lightning.senses.base import Sense, as_tensor, check_network
+from tex_lightning.senses.base import Sense, as_tensor
+from tex_lightning.senses.making import check_network
 from tex_lightning.senses.photo import augment
 from tex_lightning.senses.signal import SignalSense
 from tex_lightning.testing.trial import Example, MeanNet, Trial, parameters_of

@@ -28,7 +28,8 @@ from tex_lightning.errors import UserError, listed
 from tex_lightning.networks.blocks import Level
 from tex_lightning.networks.trunks import TRUNKS, Trunk
 from tex_lightning.perturbations.pixels import Scene
-from tex_lightning.senses.base import Change, Sense, make_sense
+from tex_lightning.senses.base import Change, Sense
+from tex_lightning.senses.making import make_sense
 from tex_lightning_runtime.samples import content_seed
 
 Array = npt.NDArray[Any]
