@@ -419,6 +419,18 @@ def test_what_is_noisier_than_all_in_training_is_hardly_surer_than_right(with_pi
     assert unbounded.softmax(dim=1).amax(dim=1).mean() > right + 0.5
 
 
+def test_scores_are_sure_up_to_the_longest_piece_of_a_usual_recording_that_passed_the_gate():
+    inputs, labels = noisy_recordings(0.5, 16, seed=1)
+    inputs = [torch.cat((x, x[:, :1]), dim=1) for x in inputs]  # the last is a band of its own
+    hum = torch.tensor([0.0] * 40 + [1e3])[None, :, None]
+    pieces = [(n, x[..., :size] + hum) for n, x in enumerate(inputs) for size in (1, 4)]
+    network = LinearNet(6, bands=41, bins=[-1] * 40 + [0]).eval()
+    network.fit(inputs, labels, pieces=pieces)
+    rows = torch.stack([network.features(x[None, ..., :1], "fc2")[0, :40, 0] for x in inputs])
+    usual = (rows.square().sum(dim=1) / 41).median()
+    torch.testing.assert_close(network.scores.reach.longest, usual, rtol=1e-5, atol=0)
+
+
 def test_scores_shrink_with_the_squared_length_beyond_the_usual_one():
     part = ScoreReach(2)
     part.fit(torch.tensor([1.0, 4.0, 9.0]), torch.tensor([1.0, 0.25]), factor=2)  # up to 8
