@@ -240,10 +240,7 @@ class GainlessLine(FittedLater):
         if other is None or not right or right < SUFFICES * usual.tried.right:
             return
         levels = len(usual.whitening)
-        before, last = (
-            len(share) - levels,
-            max(1, levels // 2),
-        )
+        before, last = len(share) - levels, max(1, levels // 2)
         weights, bias = other.enlarged(share[:before])
         mean = torch.cat((torch.zeros(levels - last), torch.full((last,), 1 / last))).double()
         direction = torch.linalg.solve(usual.whitening, mean)
