@@ -79,6 +79,17 @@ def test_parts_of_any_number_of_senses_sum_to_one_linear_layer(count, level):
     torch.testing.assert_close(net.fuse(net.parts(*given), tuples), expected)
 
 
+@pytest.mark.parametrize("indices", [[0], [2], [1, 2], [0, 1], [2, 1, 0]])
+def test_a_layer_of_some_senses_adds_what_they_add_to_the_whole(indices):
+    net, _, features = several(3, "fc2")
+    layer = net.of(indices)
+    assert layer.levels == [net.levels[index] for index in indices]
+    chosen = [features[index][..., :1] for index in indices]
+    found = sum(layer.project(*part) for part in enumerate(chosen))
+    expected = sum(net.project(*part) for part in zip(indices, chosen, strict=True))
+    torch.testing.assert_close(found, expected)
+
+
 def test_a_start_from_scores_adds_those_of_three_networks():
     networks, given = senses(3)
     net = FusionNet(*networks, classes=CLASSES, level="fc2").eval()
