@@ -188,7 +188,7 @@ class LinearNet(nn.Module):
 
         The scores are brought to the size at which the softmax of a recording's mean score is a
         probability: measured on each part of the recordings by a fit to the others, or on each
-        fragment where every class has but one recording, which overestimates.
+        fragment where every class has but one recording, which tells nothing of the next one.
 
         Args:
             inputs: Features (1, D, L) of each recording.
