@@ -435,8 +435,8 @@ def test_scores_shrink_with_the_squared_length_beyond_the_usual_one():
     part = ScoreReach(2)
     part.fit(torch.tensor([1.0, 4.0, 9.0]), torch.tensor([1.0, 0.25]), factor=2)  # up to 8
     mean = torch.tensor([[2.0, 4.0], [4.0, 8.0], [0.0, 0.0]])  # 8, 32 and 0
-    found = part(torch.ones(3, 5, 1, 7), mean)
-    assert found[:, 4, 0, 6].tolist() == pytest.approx([1.0, 0.25, 1.0])
+    found = part(torch.ones(3, 5, 7), mean)
+    assert found[:, 4, 6].tolist() == pytest.approx([1.0, 0.25, 1.0])
 
 
 def test_a_group_is_out_of_range_from_its_limit_on_and_sooner_in_long_recordings():

@@ -293,7 +293,7 @@ class ScoreReach(FittedLater):
         self.take({"share": share, "longest": factor * lengths.median()})
 
     def forward(self, scores: Tensor, mean: Tensor) -> Tensor:
-        """Return class scores (B, classes, M, N), times at most one.
+        """Return class scores (B, classes, positions), times at most one.
 
         Args:
             scores: The scores.
@@ -301,7 +301,7 @@ class ScoreReach(FittedLater):
         """
         length = mean.square() @ self.share
         factor = (self.longest / length.clamp_min(torch.finfo(length.dtype).tiny)).clamp(max=1)
-        return scores * factor[:, None, None, None]
+        return scores * factor[:, None, None]
 
 
 class LineOrPlanes(nn.Sequential):
@@ -345,16 +345,19 @@ class LineOrPlanes(nn.Sequential):
         if not torch.compiler.is_exporting() and x.shape[-1] > BLOCK:
             return torch.cat([self(part, whole) for part in torch.split(x, BLOCK, dim=-1)], dim=-1)
         mean, count = whole
-        bounded = self.reach.in_use and not self.reach.training
+        bounded, positions = self.reach.in_use and not self.reach.training, x.shape[2:]
         if bounded:  # the mean passes the gate with the fragments, as the last of them
-            x = torch.cat((x, mean[..., None].expand(-1, -1, x.shape[2], -1)), dim=3)
+            x = torch.cat((x.flatten(2).mT, mean.mT), dim=1).mT[..., None]
         inside: Tensor = self.gate(self.range(x, whole), whole)
         if not self.is_linear:
             return cast(Tensor, self.planes(inside))
         scores = weighed(inside, *self.short.layer(self.layer, count))
         if self.gainless.in_use and not self.training:
             scores = self.gainless(inside, mean, scores)
-        return self.reach(scores[..., :-1], inside[:, :, 0, -1]) if bounded else scores
+        if not bounded:
+            return scores
+        within: Tensor = self.reach(scores[:, :, :-1, 0], inside[:, :, -1, 0])
+        return within.reshape(*within.shape[:2], *positions)
 
     @property
     def is_linear(self) -> bool:
