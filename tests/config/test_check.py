@@ -7,7 +7,6 @@ import pytest
 
 from tex_lightning.config.check import check_config, read_config
 from tex_lightning.config.composition import compose_config
-from tex_lightning.config.user_folders import with_own_senses
 from tex_lightning.errors import UserError
 
 PLUGIN = Path(__file__).parents[1] / "plugin"
@@ -65,16 +64,6 @@ def test_a_wrong_sense_has_a_near_match(given, meant):
 
 def test_a_sense_that_is_not_trained_is_not_looked_at():
     check("model.force.network._target_=no.such.Class", senses="haptic")
-
-
-def test_senses_of_the_users_folders_are_composed_once(tmp_path):
-    (tmp_path / "sense").mkdir()
-    for name in ("force", "base", "haptic"):  # a base for others, and a name of the package's
-        (tmp_path / "sense" / f"{name}.yaml").touch()
-    given = [f"hydra.searchpath=[file://{tmp_path}]", "seed=1"]
-    found = with_own_senses(given)
-    assert found == [*given, "+sense@model.force=force"]
-    assert with_own_senses(found) == found
 
 
 @pytest.mark.parametrize("devices", ["nonesuch", None, [], -5, float("nan"), ["a"]])

@@ -7,6 +7,7 @@ entry point in the group ``tex_lightning.plugins``. Senses are also found in ``h
 import sys
 from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from functools import lru_cache
 from importlib.metadata import entry_points
 from importlib.util import find_spec
@@ -45,10 +46,20 @@ def with_own_senses(overrides: Sequence[str]) -> list[str]:
     ``model.senses`` may name them then, as it does those of the package.
     """
     folders = [*user_folders(), *_named_folders(overrides)]
-    names = {file.stem for folder in folders for file in folder.glob("sense/*.yaml")}
+    files = (file for folder in folders for file in folder.glob("sense/*.yaml"))
+    names = {file.stem for file in files if not _is_fragment(file, overrides)}
     senses = sorted(names.difference(PACKAGE_SENSES, ["base"]))  # base is what others begin with
     added = [f"+sense@model.{name}={name}" for name in senses]
     return [*overrides, *(item for item in added if item not in overrides)]
+
+
+def _is_fragment(file: Path, overrides: Sequence[str]) -> bool:
+    """Return whether a file has no class and is not asked for: other senses begin with it."""
+    with suppress(OSError, ValueError):  # what cannot be read is told when it is composed
+        text = file.read_text(encoding="utf-8")
+        asked = any(file.stem in override for override in overrides)
+        return not asked and "_target_" not in text and "defaults" not in text
+    return False
 
 
 def _named_folders(overrides: Sequence[str]) -> Iterator[Path]:
