@@ -437,6 +437,8 @@ def test_scores_shrink_with_the_squared_length_beyond_the_usual_one():
     mean = torch.tensor([[2.0, 4.0], [4.0, 8.0], [0.0, 0.0]])  # 8, 32 and 0
     found = part(torch.ones(3, 5, 7), mean)
     assert found[:, 4, 6].tolist() == pytest.approx([1.0, 0.25, 1.0])
+    part.take(part.state_dict() | part.widened(mean[:2]))  # of a class that was added
+    assert torch.equal(part(torch.ones(3, 5, 7), mean), torch.ones(3, 5, 7))
 
 
 def test_a_group_is_out_of_range_from_its_limit_on_and_sooner_in_long_recordings():

@@ -19,7 +19,7 @@ from tex_lightning.classifier.classifier import ROWS, STATISTICS, SurfaceClassif
 from tex_lightning.classifier.statistics import FeatureStatistics, TrainingRows
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import ScoreLayer, score_layer_of
-from tex_lightning.networks.line import GAINLESS, SHORT, FeatureRange, RangeGate
+from tex_lightning.networks.line import GAINLESS, SHORT, FeatureRange, RangeGate, ScoreReach
 
 Fragments = Sequence[Sequence[Tensor]]  # by class and recording, features (D, positions)
 DRAWN = 60  # features of each class that stand for its recordings
@@ -204,10 +204,10 @@ def _with_rows(
 def _with_limits(
     classifier: SurfaceClassifier, features: Mapping[str, Fragments]
 ) -> dict[str, Tensor]:
-    """Return the limits of gates and ranges, widened by the features of the new classes."""
+    """Return limits of gates, ranges and scores, widened by the features of the new classes."""
     widened: dict[str, Tensor] = {}
     for name, part in classifier.named_modules():
-        if isinstance(part, RangeGate | FeatureRange):
+        if isinstance(part, RangeGate | FeatureRange | ScoreReach):
             sense = next(x for x in classifier.senses if name.startswith(f"senses.{x}."))
             rows = torch.stack([x.mean(dim=1) for members in features[sense] for x in members])
             widened |= {f"{name}.{key}": value for key, value in part.widened(rows).items()}

@@ -292,6 +292,12 @@ class ScoreReach(FittedLater):
         """Take the median of squared lengths (rows,) times a factor; ``share`` is the attribute."""
         self.take({"share": share, "longest": factor * lengths.median()})
 
+    def widened(self, rows: Tensor) -> dict[str, Tensor]:
+        """Return the length up to which more rows (rows, D) are taken as they are, too."""
+        if not self.in_use:
+            return {}
+        return {"longest": torch.maximum(self.longest, (rows.square() @ self.share).amax())}
+
     def forward(self, scores: Tensor, mean: Tensor) -> Tensor:
         """Return class scores (B, classes, positions), times at most one.
 
