@@ -206,6 +206,8 @@ def test_parameters_are_the_keys_of_hydra(strokes):
     assert (node["width"], node["dropout"]) == (0.1, 0.25)
     with pytest.raises(ValueError, match=r"did you mean model\.haptic\.width"):
         clone(copy).set_params(**{"haptic.widht": 1}).fit(*strokes)
+    with pytest.raises(ValueError, match=r"crossval\.only is read by task=crossval"):
+        clone(copy).set_params(**{"crossval.only": [0]}).fit(*strokes)
     with pytest.raises(ValueError, match="Estimator takes no task"):
         clone(copy).set_params(task="crossval").fit(*strokes)
     with pytest.raises(tl.UserError, match="There is no model few/haptics"):

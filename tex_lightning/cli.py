@@ -36,6 +36,7 @@ from tex_lightning.config.help_text import answer, asks
 from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.config.mistakes import to_user_error
 from tex_lightning.config.quoting import as_typed
+from tex_lightning.config.rules import check_typed
 from tex_lightning.config.tasks import NO_FOLDER, TRAINING
 from tex_lightning.config.user_folders import use_config_dir, with_own_senses
 from tex_lightning.core.console import Screen, console, say, show_rank_zero, verbosity
@@ -275,6 +276,7 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
         UserError: If the configuration or what it names cannot be used.
     """
     config = checked_config(composed)  # what is wrong with it is said before PyTorch is imported
+    check_typed(config, job.sets)
     from tex_lightning.data.derived_settings import derive_settings
     from tex_lightning.report.sweep import runs_side_by_side
 

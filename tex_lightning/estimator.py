@@ -38,6 +38,7 @@ from tex_lightning.config.composition import Job, compose_config
 from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.config.mistakes import to_user_error
 from tex_lightning.config.overrides import as_key_value, named_model
+from tex_lightning.config.rules import check_typed
 from tex_lightning.config.user_folders import use_config_dir
 from tex_lightning.core.console import messages, verbosity
 from tex_lightning.core.progress import finishing
@@ -162,11 +163,12 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             overrides = self._overrides(folder)
             composed = compose_config(overrides)
             config = checked_config(composed)
+            job = Job(tuple(overrides), folder, "python", True, (), OmegaConf.create({"hydra": {}}))
+            check_typed(config, job.sets)
             samples = self._samples(X, config.model.modalities)
             check_consistent_length(samples, labels)
             known = None if groups is None else groups_of(groups, samples)
             write_samples(samples, labels, known, folder)
-            job = Job(tuple(overrides), folder, "python", True, (), OmegaConf.create({"hydra": {}}))
             config, _, job = derive_settings(config, composed, job)
             classifier = self._train(config, job)
             self.classes_, self.predictor_ = classes, Predictor(classifier, config)

@@ -3,12 +3,12 @@
 A rule says whether something is wrong, and the complaint.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from operator import attrgetter
 
 from tex_lightning.config import READ_FILES, Config
 from tex_lightning.config.tasks import TRAINING
-from tex_lightning.errors import shorten
+from tex_lightning.errors import UserError, shorten
 
 RECORDED = ("haptic", "sound", "image")  # modalities of task=record
 HAVE_CHECKPOINTS = ("evaluate", "enroll", "adapt", "predict", "stream", "export")
@@ -30,6 +30,8 @@ READ_BY = {
     "data.skip_bad": ("fit", "crossval", "evaluate", "enroll", "adapt", "stability", "frontier"),
     "data.val_fold": ("fit", "evaluate", "export", "stability"),
     "data.test_where": ("fit", "evaluate", "adapt", "stability"),
+}
+OF_TASKS = {  # in a file they may stand for several tasks, and are no mistake then
     "crossval.only": ("crossval", "frontier"),
     "crossval.refit": ("crossval",),
     **dict.fromkeys(("frontier.only", "frontier.senses"), ("frontier",)),
@@ -115,6 +117,31 @@ def _decision_rules(config: Config) -> Iterator[Rule]:
     )
 
 
+def _unread(config: Config, key: str, tasks: Sequence[str]) -> Rule:
+    value, task = attrgetter(key)(config), config.task
+    return (
+        value not in (None, []) and value is not False and task not in tasks,
+        f"{key} is read by {', '.join(f'task={name}' for name in tasks)} alone, not by "
+        f"task={shorten(task)}: leave it out",
+    )
+
+
+def check_typed(config: Config, sets: Callable[[str], bool]) -> None:
+    """Reject a key that only another task reads.
+
+    Args:
+        config: A checked configuration.
+        sets: Whether a command sets a dotted key, as :meth:`.Job.sets` says.
+
+    Raises:
+        UserError: If there is one.
+    """
+    for key, tasks in OF_TASKS.items():
+        wrong, complaint = _unread(config, key, tasks)
+        if wrong and sets(key):
+            raise UserError(f"{complaint}.")
+
+
 def _task_rules(config: Config) -> Iterator[Rule]:
     task, model, baseline = config.task, config.model, config.model.baseline
     yield (
@@ -129,12 +156,7 @@ def _task_rules(config: Config) -> Iterator[Rule]:
             f"{key} is null, but task={task} needs one: give it",
         )
     for key, tasks in READ_BY.items():
-        value = attrgetter(key)(config)
-        yield (
-            value not in (None, []) and value is not False and task not in tasks,
-            f"{key} is read by {', '.join(f'task={name}' for name in tasks)} alone, not by "
-            f"task={shorten(task)}: leave it out",
-        )
+        yield _unread(config, key, tasks)
     yield config.frontier.senses == [], "frontier.senses names nothing: leave it null"
     yield (
         task == "profile" and config.checkpoint is None and baseline is not None,

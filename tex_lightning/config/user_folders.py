@@ -57,7 +57,7 @@ def _is_fragment(file: Path, overrides: Sequence[str]) -> bool:
     """Return whether a file has no class and is not asked for: other senses begin with it."""
     with suppress(OSError, ValueError):  # what cannot be read is told when it is composed
         text = file.read_text(encoding="utf-8")
-        asked = any(file.stem in override for override in overrides)
+        asked = any(x.startswith("model.senses=") and file.stem in x for x in overrides)
         return not asked and "_target_" not in text and "defaults" not in text
     return False
 
