@@ -64,7 +64,8 @@ HOUSEKEEPING = {  # of a device or its radio
     "rssi", "snr", "battery", "batt", "vbat", "crc", "checksum", "chksum", "cksum", "chk", "xor",
 }  # fmt: skip
 SLOW = {  # beside a signal
-    "temp", "temperature", "tmp", "humidity", "latitude", "longitude", "altitude",
+    "temp", "temperature", "tmp", "humidity", "latitude", "longitude", "altitude", "°c", "degc",
+    "hz",
 }  # fmt: skip
 SENSORS = {"sensor", "channel", "node", "device", "imu", "axis", "source", "address"}
 IDS = {"id", "ids", "uid", "uuid", "guid", "msgid"}
@@ -281,8 +282,9 @@ class Column:
 def split_words(name: str) -> tuple[str, ...]:
     """Return the words of a name in small letters, and its numbers: ``accX_2`` has three."""
     plain = unicodedata.normalize("NFKC", name)
-    parts = re.sub(r"(?<=[a-zµμ])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", plain)
-    return tuple(re.findall(r"[^\W\d_]+|\d+", parts.casefold()))
+    parts = re.sub(r"(?<=[a-zµμ])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", plain).casefold()
+    whole = re.sub(r"(?<![a-z])(nano|micro|milli)[\W_]+(?=s)", r"\1", parts)  # nano seconds
+    return tuple(re.findall(r"[^\W\d_]+|\d+", whole))
 
 
 def _plain(unit: str) -> str:

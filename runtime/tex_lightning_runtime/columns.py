@@ -127,7 +127,8 @@ def _unlike(axes: list[Column]) -> list[str]:
     Of axes whose names differ in numbers alone, such as taxels, some may rest.
     """
     still = [(np.diff(axis.values, prepend=np.nan) == 0).mean() for axis in axes]
-    slow = [not SLOW.isdisjoint(axis.words) or axis.by_one for axis in axes]
+    words = [{*axis.words, *axis.units, "".join(axis.words[-2:])} for axis in axes]
+    slow = [bool(SLOW & each) or axis.by_one for axis, each in zip(axes, words, strict=True)]
     kin = [re.sub(r"\d", "", axis.name) or axis.name for axis in axes]
     signals = {kin[n] for n, share in enumerate(still) if share < LIVELY and not slow[n]}
     odd = [

@@ -90,9 +90,9 @@ def _are_values(cells: Sequence[str], columns: Kinds) -> bool:
 
 
 def _are_settings(cells: Sequence[str]) -> bool:
-    """Return whether cells are titles and their values, or a title alone."""
-    titles = [cell for cell in cells if cell.endswith((":", "="))]
-    return bool(titles) and (len(titles) < len(cells) or len(cells) == 1)
+    """Return whether cells are a title and its values, or a title alone."""
+    titles = [cell.endswith((":", "=")) for cell in cells if cell]
+    return bool(titles) and titles[0] and (not all(titles) or len(titles) == 1)
 
 
 def _read_other(line: str, cells: Sequence[str], columns: Kinds, notes: list[str]) -> float | None:
@@ -134,7 +134,8 @@ def _as_many(line: str, dialect: Dialect, columns: Kinds) -> list[str]:
     if count == 1:  # a blank may stand in a name, and a unit behind a comma
         return [part for part in re.split(r"[;\t]|,(?! )", line.strip()) if part]
     for separator in (dialect.separator, "  ", ",", ";", "\t", " "):
-        cells = Dialect(separator, dialect.quote).cells(line)
+        whole = re.sub(r" (?=[(\[])", "", line) if separator == " " else line  # t [s] x [g]
+        cells = Dialect(separator, dialect.quote).cells(whole)
         while len(cells) > count and (
             STATEMENT.fullmatch(cells[-1])
             or (len(cells) != len(columns.kinds) and cells[-1].casefold() in ("", "comment"))
@@ -264,7 +265,8 @@ def _amount(text: str) -> float | None:
     text = text.rstrip(".,")
     decimal, group = (".", ",") if THOUSANDS.fullmatch(text) else decimal_mark([[text]])
     plain = text.replace(group or " ", "").replace(decimal, ".")
-    for each in (plain, text.partition(",")[0]):  # of several columns
+    first, _, rest = text.partition(",")
+    for each in (plain, first) if first != rest else (first,):  # of several columns
         try:
             return float(each)
         except ValueError:

@@ -153,6 +153,8 @@ def _dialect(lines: list[str], given: str | None) -> tuple[str, str]:
         separator = given
     elif separator == "," and all(_are_decimal_commas(line) for line in lines):
         separator = " "
+    elif separator == "," and min(semicolons := {line.count(";") for line in lines}) > 0:
+        separator = ";" if len(semicolons) == 1 else separator  # of 1 234,5
     return separator or NO_SEPARATOR, quote or '"'
 
 

@@ -26,7 +26,7 @@ UTF = {  # by the mark at the beginning
     b"\xff\xfe": "utf-16",
     b"\xfe\xff": "utf-16",
 }
-WESTERN = {*"°µ²³·äöüÄÖÜßéèêàçñóúíáã±´’–×§"}  # letters of units and names, read as cp1252
+WESTERN = {*"°µ²³·äöüÄÖÜßéèêàçñóúíáã±´’–×§\u00a0"}  # letters of units and names, read as cp1252
 COMMENT = re.compile(  # and none of #N/A, #DIV/0!, #VALUE!, which a sheet has in place of numbers
     rb"(?m)^[ \t]*(?:#(?!N/A|NV\b|[A-Z\x80-\xff/0]+[!?])|%|//).*(?:\n|\Z)"
 )

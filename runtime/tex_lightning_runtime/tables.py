@@ -176,7 +176,7 @@ def _numbers(cells: "pd.Series[Any]") -> tuple["pd.Series[Any]", str, str]:
     if not numbers.isna().any():
         every = np.append(numbers.to_numpy(np.float64), np.nan)  # the last one is of no code
         return pd.Series(every[codes]), unit, ""
-    are_numbers = numbers.notna().any() or text.str.match("0[xX]").any()
+    are_numbers = numbers.notna().any() or (text.str.match("0[xX]").any() and len(text) > 1)
     if not are_numbers or cells.isna().mean() > 0.5:  # remarks
         return cells, "", ""
     wrong = numbers.isna().to_numpy().argmax()

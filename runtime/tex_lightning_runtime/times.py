@@ -46,9 +46,10 @@ DATE = (
 )
 DAYS = r"(?:\d+ days?,?)"  # of pandas and Python
 CLOCK = r"\d{1,4}:\d{1,2}(?::\d{1,2})?(?:[.,:]\d+)?"
+DOTTED = r"(?<=\d[T\s])(\d{1,2})\.(\d\d)\.(?=\d\d)"  # behind a date, in Denmark and Finland
 ZONE = r"(?:\s*(?:[AaPp]\.?[Mm]\.?|Z|UTC|GMT|[-+]\d{2}(?::?\d{2})?|\[[\w/+-]+\]))*"
 STAMP = re.compile(
-    rf"(?:{DATE}(?:[T\s,]\s*{CLOCK}{ZONE})?|(?:{DAYS}\s+)?{CLOCK}{ZONE}(?:\s+{DATE})?)"
+    rf"(?:{DATE}(?:[T\s,]\s*(?:{CLOCK}|{DOTTED}\d\d(?:[.,]\d+)?){ZONE})?|(?:{DAYS}\s+)?{CLOCK}{ZONE}(?:\s+{DATE})?)"
 )
 MARKS = r"(?<=:\d\d),(?=\d)|(?<=:\d\d:\d\d):(?=\d)"  # of fractions: 10:00:00,500
 ONLY_DATE = re.compile(DATE)
@@ -76,6 +77,8 @@ def stamp_seconds(stamps: "pd.Series[str]") -> Array:
     import pandas as pd
 
     text = stamps if stamps.iloc[0] == stamps.iloc[0].strip() else stamps.str.strip()
+    if re.search(DOTTED, text.iloc[0]):
+        text = text.str.replace(DOTTED, r"\1:\2:", regex=True)
     if re.search(MARKS, text.iloc[0]):
         text = text.str.replace(MARKS, ".", regex=True)
     if re.match(r"\d{4}-\d\d-\d\d", text.iloc[0]):
@@ -125,9 +128,10 @@ def number_seconds(values: Array, unit: float | None, name: str) -> Array:
 
 
 def _moment_unit(values: Array) -> float | None:
-    """Return the unit in seconds of moments since 1970, if the first of some numbers is one."""
-    first = float(values[0])
-    return next((u for u in (1.0, 1e-3, 1e-6, 1e-9) if EPOCH[0] < first * u < EPOCH[1]), None)
+    """Return the unit in seconds of numbers that may be moments since 1970, and no rare ones."""
+    first, step = float(values[0]), abs(float(values[-1] - values[0])) / len(values)
+    units = (u for u in (1.0, 1e-3, 1e-6, 1e-9) if step * u < 60)  # others count ticks
+    return next((u for u in units if EPOCH[0] < first * u < EPOCH[1]), None)
 
 
 def are_moments(values: Array) -> bool:

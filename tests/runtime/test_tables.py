@@ -148,6 +148,7 @@ READ = {
         table(["1"] * COUNT, *XYZ, ["3"] * COUNT, names="Trial,x,y,z,surface\n"), None
     ),
     "text": (table(*XYZ, WORDS, names="x,y,z,note\n"), None),
+    "one hexadecimal number": (table(["0x50"] * COUNT, *XYZ, names="port,x,y,z\n"), None),
     "text without names": (table(*XYZ, WORDS), None),
     "an empty column": (table(*XYZ, [""] * COUNT, names="x,y,z,comment\n"), None),
     "an empty column between": (table(X, [""] * COUNT, Y, Z, names="x,,y,z\n"), None),
@@ -232,6 +233,9 @@ READ = {
               names="Datum\tUhrzeit\tx\ty\tz\n"), RATE
     ),
     "no names, ISO": (table(clock("%Y-%m-%dT%H:%M:%S.%f"), *XYZ), RATE),
+    "dd-mm-yyyy, points": (
+        table(clock("%d-%m-%Y %H.%M.%S,%f"), *COMMAS, mark=";", names="Tidspunkt;x;y;z\n"), RATE
+    ),
     "names of months": (table(clock("%d-%b-%Y %H:%M:%S.%f"), *XYZ, names="Time,x,y,z\n"), RATE),
     "minutes and seconds past the hour": (
         table(clock("%M:%S.%f"), *XYZ, names="Time,x,y,z\n"), RATE
@@ -266,6 +270,10 @@ READ = {
     ),
     "stated period alone": (
         table(times(1, "{:.4f}", -0.1), *XYZ, names="Sample Interval,5.0E-4\n"), RATE
+    ),
+    "ticks beside a stated rate that may be moments": (
+        "Output rate: 2000 Hz\n" + table(column(np.array(NUMBERS) * 500_000 + 2_938_472_613, "{}"),
+                                         *XYZ, names="TimeFine,x,y,z\n"), RATE
     ),
     "ticks beside a stated rate": (
         table(COUNTER, at(1e4), *XYZ, names="// Update Rate: 2000.0Hz\npacket,TimeFine,x,y,z\n"),
@@ -372,6 +380,12 @@ READ = {
         "% Points: 3\n% Time (s)    Acc, X (g)     Y (g)    Z\n" + table(times(), *XYZ, mark="  "),
         RATE
     ),
+    "names with units, a blank between": (
+        "# stroke 3, at noon\n# t [s] x [g] y (g) z [g]\n" + table(times(), *XYZ, mark=" "), RATE
+    ),
+    "a name that ends with a colon": (
+        table(*XYZ, times(1e3), WORDS, names="x;y;z: ;since start in ms;note\n", mark=";"), RATE
+    ),
     "a title before the names": ("# Fields: time x y z\n" + table(times(), *XYZ, mark=" "), RATE),
     "a title below settings": ("gain = 2\nXInc:,+5.0E-04\nData:,\n" + table(*XYZ), RATE),
     "an increment of every column": (
@@ -418,6 +432,11 @@ READ = {
     "begin and rate above the numbers": (
         table([f"{BEGIN.timestamp()}", "64.0", *X], [f"{BEGIN.timestamp()}", "64.0", *Y],
               [f"{BEGIN.timestamp()}", "64.0", *Z], mark=", "), 64
+    ),
+    "seconds and nanoseconds in words": (
+        table(column((np.array(NUMBERS) + 1900) // 2000 + 1_772_359_200, "{}"),
+              column((np.array(NUMBERS) + 1900) % 2000 * 500_000, "{}"), *XYZ,
+              names="StampSec,StampNanoSec,x,y,z\n"), RATE
     ),
     "seconds and nanoseconds without names": (
         table(column((np.array(NUMBERS) + 1900) // 2000 + 1_772_359_200, "{}"),
@@ -504,6 +523,22 @@ def test_marks_of_thousands(tmp_path, form, comma, mark):
     np.testing.assert_allclose(read_table(write(tmp_path, text))[0], values)
 
 
+@pytest.mark.parametrize("blank", [" ", "\u00a0", "\u202f"])
+def test_blanks_between_thousands(tmp_path, blank):
+    values = (AXES[:2] * 1e3 + 5e3).round(2)
+    cells = [[c.replace(",", blank) for c in column(axis, "{:,.2f}")] for axis in values]
+    text = table(times(), *cells, mark=";", comma=True, names="Temps (s);Accélération;y\n")
+    for encoding in ("utf-8", "cp1252")[: 1 if blank == "\u202f" else 2]:
+        samples, rate, reading = read_table(write(tmp_path, text, encoding))
+        np.testing.assert_allclose(samples, values)
+        assert (round(rate), reading.axes) == (RATE, ("Accélération", "y"))
+
+
+def test_a_rate_of_each_of_two_columns_is_no_fraction(tmp_path):
+    text = '"SampleRate",2000,2000\n' + table([""] * COUNT, X, Y)
+    assert read_table(write(tmp_path, text))[1] == RATE
+
+
 @pytest.mark.parametrize("names", ["", "x,y,z\n"])
 def test_whole_numbers_are_axes_whatever_they_do(tmp_path, names):
     rising = column(np.arange(COUNT) * 3 + 17, "{}")
@@ -576,7 +611,9 @@ REFUSED = {
     "a word": (ROWS.replace(Y[7], "OVERFLOW"), "has 'OVERFLOW' at sample 7 in the column '2'"),
     "a broken number": (ROWS.replace(Y[7], "0.1.2"), "has '0.1.2' at sample 7 in the column '2'"),
     "names again": (table(*XYZ, names="x,y,z\n") * 2, f"has 'x' at sample {COUNT} in the col"),
-    "hexadecimal": (table(["0x1F"] * COUNT, Y, names="a,b\n"), "has '0x1F' at sample 0 in the"),
+    "hexadecimal": (
+        table(["0x1F", "0x2A"] * (COUNT // 2), Y, names="a,b\n"), "has '0x1F' at sample 0 in the"
+    ),
     "unknown unit": (
         table(times(), X, names="time (ticks),x\n"),
         r"'time \(ticks\)', whose unit 'ticks' is not known; give data.time_unit=ms",
@@ -750,6 +787,11 @@ TOLD = {
     "a state": (
         table(times(), *XYZ, ["0"] * 200 + ["1"] * 40, names="t,x,y,z,button\n"),
         "unlike a signal: 'button'; data.channels=[0,1,2] leaves them out",
+    ),
+    "units of slow quantities": (
+        table(times(), X, column(25 + AXES[0] / 50, "{:.4f}"), column(99 + AXES[1] / 50, "{:.4f}"),
+              names="t,x,imu_degC,output_Hz\n"),
+        "unlike a signal: 'imu_degC', 'output_Hz'; data.channels=[0] leaves them out",
     ),
     "a slow quantity": (
         table(times(), X, column(25 + AXES[0] / 50, "{:.4f}"), Y, names="t,x,Temp_C,y\n"),
