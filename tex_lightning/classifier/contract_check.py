@@ -4,6 +4,7 @@ import io
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import chain
 from typing import Any, cast
 
 import numpy as np
@@ -127,11 +128,11 @@ def _check_normalised(sense: Sense, recording: Tensor) -> None:
 
 def _largest(recordings: Recordings, store: Store, count: int) -> list[Recording]:
     """Return the largest ``count`` recordings of each class."""
-    largest: list[Recording] = []
-    for label in recordings.classes:
-        rows = [row for row in recordings.rows if row.label == label]
-        largest += sorted(rows, key=store.extent, reverse=True)[:count]
-    return largest
+    of_class: dict[str, list[Recording]] = {label: [] for label in recordings.classes}
+    for row in sorted(recordings, key=store.extent, reverse=True):
+        if len(of_class[row.label]) < count:
+            of_class[row.label].append(row)
+    return list(chain.from_iterable(of_class.values()))
 
 
 def check_numbers(values: Tensor, part: Part) -> None:

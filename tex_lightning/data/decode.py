@@ -111,9 +111,9 @@ class SignalDecoder:
             given = replace(given, channels=tuple(channels))
         return given if time_unit is None else replace(given, time_unit=time_unit)
 
-    def extent(self, array: Array) -> float:
-        """Return the length of a signal in :attr:`unit`."""
-        return float(array.shape[1] / self.sampling_rate)
+    def extent(self, shape: Sequence[int]) -> float:
+        """Return the length of a signal (axes, samples) in :attr:`unit`."""
+        return float(shape[1] / self.sampling_rate)
 
 
 @dataclass(frozen=True)
@@ -170,9 +170,9 @@ class PhotoDecoder:
         """Return the decoder itself; photos have neither rate nor columns."""
         return self
 
-    def extent(self, array: Array) -> float:
-        """Return the size of a photo in :attr:`unit`."""
-        return float(array.shape[0] * array.shape[1] / 1e6)
+    def extent(self, shape: Sequence[int]) -> float:
+        """Return the size of a photo (height, width, 3) in :attr:`unit`."""
+        return float(shape[0] * shape[1] / 1e6)
 
 
 Decoder = SignalDecoder | PhotoDecoder  # its fields decide the content of the arrays

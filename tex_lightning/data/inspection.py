@@ -92,7 +92,7 @@ def shared_stretches(rows: Sequence[Recording], store: Store) -> Iterator[Findin
         same = first.part is None and fingerprint(first.path) == fingerprint(second.path)
         if count < SHARED or same or first.group_key == second.group_key:
             continue
-        lengths = store.load(first).shape[1], store.load(second).shape[1]
+        lengths = store.shape(first)[1], store.shape(second)[1]
         begin, end = max(0, distance), min(lengths[0], lengths[1] + distance)
         rate = getattr(store.decoders[first.modality], "sampling_rate", 1.0)
         text = f"Two recordings of different groups share {(end - begin) / rate:.3g} s"
@@ -192,7 +192,7 @@ def mixtures(rows: Sequence[Recording], store: Store) -> Iterator[Finding]:
         if store.rate(row) > lowest * (1 + RATE_TOLERANCE):
             lowest = store.rate(row)
         rates[lowest].append(row)
-        axes[len(store.load(row))].append(row)
+        axes[store.shape(row)[0]].append(row)
     for kind, found, unit in (("mixed rates", rates, "Hz"), ("mixed axes", axes, "axes")):
         if len(found) > 1:
             most = sorted(found, key=lambda value: -len(found[value]))

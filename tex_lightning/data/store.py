@@ -69,6 +69,7 @@ def skipped_entry(unusable: Iterable[Unusable]) -> list[dict[str, str]]:
 
 DIGITS = 32  # of a digest; checkpoints keep one for each recording
 LAYOUT = 11  # version of the entries: those of another version are decoded again
+KEPT = 1 << 17  # entries of which facts stay in memory; an entry never changes
 UNREADABLE = (OSError, ValueError, EOFError)  # not there yet, or damaged by a full disk
 SIZE = struct.Struct("<Q")  # length of the JSON of a trace, at the end of its entry
 T = TypeVar("T")
@@ -142,17 +143,21 @@ class Store:
         """Return a read-only map: (axes, samples) float32 or (height, width, 3) uint8."""
         return self._read(recording, _map)
 
+    def shape(self, recording: Recording) -> tuple[int, ...]:
+        """Return the shape of the array that :meth:`load` gives."""
+        return self._read(recording, _shape)
+
     def extent(self, recording: Recording) -> float:
         """Return how long or large a recording is, in the unit of its decoder."""
-        return self.decoders[recording.modality].extent(self.load(recording))
+        return self.decoders[recording.modality].extent(self.shape(recording))
 
     def rate(self, recording: Recording) -> float:
         """Return the sampling rate of a trace's file in Hz."""
-        return self._read(recording, lambda entry: float(_told(entry)["rate"]))
+        return self._read(recording, _told)[0]
 
     def reading(self, recording: Recording) -> Reading:
         """Return how the file of a trace was read."""
-        return self._read(recording, _read_reading)
+        return self._read(recording, _told)[1]
 
     def _read(self, recording: Recording, read: Callable[[Path], T]) -> T:
         """Read from the entry of a recording; decode it if the cache has no complete entry."""
@@ -247,20 +252,21 @@ def _save(path: Path, decoded: Decoded) -> None:
             stream.write(facts + SIZE.pack(len(facts)))
 
 
-def _told(entry: Path) -> dict[str, Any]:
-    """Read the JSON behind the array of a trace."""
+@lru_cache(maxsize=KEPT)  # the opening of a run asks for each a dozen times
+def _told(entry: Path) -> tuple[float, Reading]:
+    """Read the JSON behind the array of a trace: the rate of its file, and how that was read."""
     with entry.open("rb") as stream:
         end = stream.seek(-SIZE.size, os.SEEK_END)
         (size,) = SIZE.unpack(stream.read())
         stream.seek(max(0, end - size))
         facts: dict[str, Any] = json.loads(stream.read(min(size, end)))
-    return facts
-
-
-def _read_reading(entry: Path) -> Reading:
-    facts = _told(entry)
     lists = {name: tuple(facts[name]) for name in ("axes", "left_out", "notes")}
-    return Reading(rate_from=facts["rate_from"], **lists)
+    return float(facts["rate"]), Reading(rate_from=facts["rate_from"], **lists)
+
+
+@lru_cache(maxsize=KEPT)
+def _shape(entry: Path) -> tuple[int, ...]:
+    return _map(entry).shape
 
 
 def _map(entry: Path) -> npt.NDArray[Any]:

@@ -4,22 +4,17 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import cv2
-import numpy as np
 import numpy.typing as npt
-import scipy
 
 from tex_lightning.core.console import console
 from tex_lightning.core.files import write_bytes
 from tex_lightning.report.artifacts import png
-from tex_lightning.report.pictures import Pixels, row_of, shaded
+from tex_lightning.report.pictures import recording_picture, row_of
 from tex_lightning.report.table import Table, make_table, read_or_empty
 
 FILE = "data.json"
 FOLDER = "data"  # of the pictures
-SIZE = 176, 112  # pixels of an example
-WINDOW = 0.05  # s, of a spectrogram
-FLOOR = 1e-6  # of the largest power, which a picture shows
+SIDE, WIDTH = 112, 176  # pixels of an example, and of a signal's to the right
 ACROSS = 6  # examples in a row
 PARTS = {"train": "trained on", "val": "validate", "test": "tested"}
 MAX_LISTED = 50  # files that a table lists
@@ -113,29 +108,18 @@ def print_findings(findings: Sequence[Mapping[str, str]]) -> None:
         console.print(f"And {more} more in results.json.")
 
 
-def example_picture(recording: npt.NDArray[Any], rate: float | None) -> Pixels:
-    """Return a small picture of a decoded recording.
+def draw_examples(
+    directory: Path, modality: str, examples: Mapping[str, npt.NDArray[Any]], rate: float | None
+) -> None:
+    """Write decoded recordings of a modality as one picture, each with its class below.
 
     Args:
-        recording: A signal (axes, samples), shown as its power in dB over time (to the right) and
-            frequency (upwards), of all axes together; or a photo (height, width, 3).
-        rate: Rate of the signal in Hz; None of a photo.
+        directory: The run folder.
+        modality: Their modality.
+        examples: A recording of each class.
+        rate: Rate of signals in Hz; None of photos.
     """
-    if rate is None:
-        side = min(recording.shape[:2])
-        return np.asarray(cv2.resize(np.asarray(recording[:side, :side]), (SIZE[1], SIZE[1]),
-                                     interpolation=cv2.INTER_AREA))  # fmt: skip
-    length = min(max(16, round(WINDOW * rate)), recording.shape[1])
-    signal = np.asarray(recording, np.float64)
-    *_, power = scipy.signal.spectrogram(signal, rate, nperseg=length, noverlap=length // 2)
-    power = power.sum(axis=0)
-    levels = np.log10(np.maximum(power, max(power.max() * FLOOR, 1e-30)))
-    picture = shaded(np.asarray(levels[::-1], np.float32))
-    return np.asarray(cv2.resize(picture, SIZE, interpolation=cv2.INTER_AREA))
-
-
-def draw_examples(
-    directory: Path, modality: str, pictures: Sequence[Pixels], captions: Sequence[str]
-) -> None:
-    """Write the examples of a modality as one picture."""
-    write_bytes(directory / FOLDER / f"{modality}.png", png(row_of(pictures, captions, ACROSS)))
+    size = (SIDE if rate is None else WIDTH), SIDE
+    pictures = [recording_picture(recording, rate, size) for recording in examples.values()]
+    sheet = row_of(pictures, [*examples], ACROSS)
+    write_bytes(directory / FOLDER / f"{modality}.png", png(sheet))

@@ -1,10 +1,8 @@
 """Mean embeddings of recordings for TensorBoard's projector, with a thumbnail of each."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 import torch
 from torch import Tensor
@@ -14,19 +12,14 @@ from tex_lightning.core.devices import computing_threads
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store, load_recording
-from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import Outcome
-from tex_lightning.report.artifacts import Pixels, Points
-from tex_lightning.report.pictures import shaded
-from tex_lightning.senses.base import Sense
-from tex_lightning.senses.signal import SignalSense
+from tex_lightning.report.artifacts import Points
+from tex_lightning.report.pictures import recording_picture
 from tex_lightning.text import printable
 
 MAX_POINTS = 300  # recordings of each part, evenly chosen
 MAX_DIMENSIONS = 256  # beyond which they are projected to as many principal components
 SIDE = 48  # pixels of a thumbnail
-MAX_FRAMES = 300  # of a spectrogram in a thumbnail
-SECONDS = 1.0  # of a signal, from whose middle a spectrogram is made
 
 
 class _Point(NamedTuple):
@@ -49,6 +42,7 @@ def projector_artifacts(
         points = [*_trained(classifier, name), *_tested(classifier, name, samples, outcomes, store)]
         vectors = torch.stack([point.vector for point in points]).float()
         rows = [point.row for point in points]
+        rate = getattr(sense.decoder, "sampling_rate", None)
         yield Points(
             name,
             _reduced(vectors).numpy(),
@@ -58,7 +52,7 @@ def projector_artifacts(
                 "part": [point.part for point in points],
                 "file": [printable(row.path.name) for row in rows],
             },
-            np.stack([thumbnail(sense, row, store) for row in rows]),
+            np.stack([recording_picture(store.load(row), rate, (SIDE, SIDE)) for row in rows]),
         )
 
 
@@ -103,33 +97,3 @@ def _reduced(vectors: Tensor) -> Tensor:
     _, _, components = torch.linalg.svd(centred, full_matrices=False)
     projected: Tensor = centred @ components[:MAX_DIMENSIONS].mT
     return projected
-
-
-def thumbnail(sense: Sense, row: Recording, store: Store) -> Pixels:
-    """Return a recording as a small square: a photo's middle, or a signal's network input."""
-    if sense.medium == "photo":
-        photo = store.load(row)
-        side = min(photo.shape[:2])
-        top, left = ((length - side) // 2 for length in photo.shape[:2])
-        picture: Pixels = np.ascontiguousarray(photo[top : top + side, left : left + side])
-    else:
-        x = _excerpt(sense, load_recording(row, store)).cpu().float()
-        picture = shaded(x.reshape(-1, x.shape[-1])[:, :MAX_FRAMES].numpy()[::-1])
-    return np.asarray(cv2.resize(picture, (SIDE, SIDE), interpolation=cv2.INTER_AREA))
-
-
-@torch.inference_mode()
-def _excerpt(sense: Sense, signal: Tensor) -> Tensor:
-    """Return the network input of a second from the middle of a signal, or of all of it.
-
-    A spectrogram of the whole takes as long as its test.
-    """
-    if isinstance(sense, SignalSense) and sense.spectrogram is not None:
-        length = round(SECONDS * sense.decoder.sampling_rate)
-        start = max(0, (signal.shape[-1] - length) // 2)
-        with suppress(UserError):  # of too little movement there
-            x: Tensor = sense(signal[..., start : start + length])
-            if x.numel():
-                return x
-    whole: Tensor = sense(signal)
-    return whole

@@ -1,9 +1,12 @@
-"""Pictures of network inputs as pixels, in rows with captions."""
+"""Pictures of recordings and of network inputs as pixels, in rows with captions."""
 
 from collections.abc import Sequence
+from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
+import scipy
 import torch
 from PIL import Image, ImageDraw, ImageFont
 from torch import Tensor
@@ -15,11 +18,13 @@ from tex_lightning.text import printable
 Pixels = npt.NDArray[np.uint8]
 SHADES = 256
 OUTER = 0.5  # percent of the values at each end whose shade is that of the end
-FEW = 8  # rows of what is no picture
+STRETCHED = 8  # times as long as wide, from which the sides of a picture are changed apart
 MIN_SIDE = 96  # pixels on the shorter side, to which smaller inputs are enlarged
 MAX_SIDE = 640  # pixels along a picture
 LINE = 14  # pixels of a line of text
 GAP = 6
+WINDOW = 0.05  # s, of a spectrogram
+FLOOR = 1e-6  # of the largest power, which a picture shows
 MAX_CAPTION = 40  # characters
 
 
@@ -54,17 +59,44 @@ def shaded(values: npt.NDArray[np.float32]) -> Pixels:
 
 
 def _sized(pixels: Pixels, largest: int) -> Pixels:
-    """Enlarge a small picture by whole factors, and reduce a large one."""
-    height, width = pixels.shape[:2]
-    rows, columns = max(1, MIN_SIDE // height), max(1, MIN_SIDE // width)
-    if height > FEW:  # a picture, and not some features in time, keeps its proportions
-        rows = columns = max(1, MIN_SIDE // min(height, width))
-    pixels = pixels.repeat(rows, axis=0).repeat(columns, axis=1)
-    if max(pixels.shape[:2]) <= largest:
-        return pixels
-    picture = Image.fromarray(pixels)
-    picture.thumbnail((largest, largest))
-    return np.asarray(picture)
+    """Enlarge a small picture by whole factors, and reduce a large one.
+
+    Proportions are kept, but where one side is far longer, as that of some features in time is.
+    """
+    sides = np.array(pixels.shape[:2])
+    factors, apart = np.maximum(1, MIN_SIDE // sides), sides.max() > STRETCHED * sides.min()
+    enlarged = sides * (factors if apart else factors.max())
+    shares = largest / (enlarged if apart else enlarged.max())
+    height, width = np.maximum(1, enlarged * np.minimum(1, shares)).round().astype(int).tolist()
+    smaller = min(width, sides[1]), min(height, sides[0])
+    reduced = cv2.resize(pixels, smaller, interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.resize(reduced, (width, height), interpolation=cv2.INTER_NEAREST))
+
+
+def recording_picture(
+    recording: npt.NDArray[Any], rate: float | None, size: tuple[int, int]
+) -> Pixels:
+    """Return a small picture of a decoded recording.
+
+    Args:
+        recording: A signal (axes, samples), shown as its power in dB over time (to the right) and
+            frequency (upwards), of all axes together; or a photo (height, width, 3), of which the
+            middle is shown.
+        rate: Rate of the signal in Hz; None of a photo.
+        size: Width and height in pixels.
+    """
+    if rate is None:
+        side = min(recording.shape[:2])
+        top, left = ((length - side) // 2 for length in recording.shape[:2])
+        picture = np.asarray(recording[top : top + side, left : left + side])
+    else:
+        signal = np.asarray(recording, np.float32)
+        length = min(max(16, round(WINDOW * rate)), signal.shape[1])
+        *_, power = scipy.signal.spectrogram(signal, rate, nperseg=length, noverlap=length // 2)
+        power = power.sum(axis=0)
+        levels = np.log10(np.maximum(power, max(power.max() * FLOOR, 1e-30)))
+        picture = shaded(levels[::-1])
+    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA))
 
 
 def row_of(pictures: Sequence[Pixels], captions: Sequence[str], across: int = 4) -> Pixels:

@@ -25,7 +25,6 @@ from tex_lightning.report.data_page import (
     PARTS,
     Description,
     draw_examples,
-    example_picture,
     facts_of,
 )
 from tex_lightning.studies.dataset import Dataset
@@ -105,7 +104,7 @@ def _describe_modality(
     }  # fmt: skip
     if not isinstance(decoder, SignalDecoder):
         return entry
-    axes, rates = [len(store.load(row)) for row in rows], [store.rate(row) for row in rows]
+    axes, rates = [store.shape(row)[0] for row in rows], [store.rate(row) for row in rows]
     assumed = sum(store.reading(row).rate_from.startswith(ASSUMED) for row in rows)
     return entry | {
         "axes": [min(axes), max(axes)],
@@ -184,8 +183,8 @@ def keep_description(description: Description, dataset: Dataset, directory: Path
         first = {row.label: row for row in reversed(rows.rows)}
         chosen = {label: first[label] for label in rows.classes[:MAX_EXAMPLES]}
         rate = getattr(dataset.store.decoders[modality], "sampling_rate", None)
-        pictures = [example_picture(dataset.store.load(row), rate) for row in chosen.values()]
-        draw_examples(directory, modality, pictures, [*chosen])
+        loaded = {label: dataset.store.load(row) for label, row in chosen.items()}
+        draw_examples(directory, modality, loaded, rate)
 
 
 def data_facts(
