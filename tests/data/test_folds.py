@@ -246,7 +246,7 @@ def test_a_condition_that_some_of_a_sense_do_not_say_is_refused():
 def test_conditions_that_leave_nothing_to_train_or_test_are_said():
     rows = Recordings((trace(0, speed="1"), trace(1, "b", speed="1"), trace(2, "b", speed="2")))
     for where, message in (
-        ({"speed": 1}, "no traces to train on for a; .* test less"),
+        ({"speed": 1}, "no traces to train on for a, which are all of the group 0; .* test less"),
         (
             {"speed": 3},
             "The part with speed 3 holds nothing to test on .* or data.test_where",
@@ -254,6 +254,12 @@ def test_conditions_that_leave_nothing_to_train_or_test_are_said():
     ):
         with pytest.raises(UserError, match=message):
             check_split(split(rows, where_is(where)), ["a", "b"], ["haptic"], where_is(where))
+
+
+def test_classes_of_one_group_are_said_to_be_of_it():
+    rows = Recordings(tuple(replace(trace(n, label), group="s1") for n in (0, 1) for label in "ab"))
+    with pytest.raises(UserError, match="train on for a, b, which are all of the group s1; add"):
+        check_split(split(rows, by(2, 0, None)), ["a", "b"], ["haptic"], by(2, 0, None))
 
 
 def test_conditions_that_may_be_names_are_compared_as_text_and_decimal_numbers_as_numbers():

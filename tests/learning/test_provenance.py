@@ -29,8 +29,11 @@ def test_a_card_knows_the_parts_that_it_was_trained_on(tmp_path):
     card = replace(card, trained_on=trained_on(card, split(halves, FOLDS), FOLDS, [], None))
     assert [entry.partition("#")[2] for entry in card.trained_on["seen"]] == ["0.5-1"]
     refuse_leak(Recordings(halves.rows[:1]), card, "FILE", FOLDS)
+    with pytest.raises(UserError, match=r"set data\.folds=2 data\.test_fold=0 as in its"):
+        refuse_leak(Recordings(halves.rows[1:]), card, "FILE", replace(FOLDS, test_fold=1))
     for part in ((0.5, 1), (0.4, 0.6), None):
-        with pytest.raises(UserError, match=r"trained on 1 of the 1 test recordings, a\.wav"):
+        copied = r"trained on 1 of the 1 test recordings, a\.wav .* copies .* keep one of each"
+        with pytest.raises(UserError, match=copied):  # no other fold would help
             refuse_leak(rows(tmp_path, part), card, "FILE", FOLDS)
 
 

@@ -2,7 +2,7 @@
 
 import matplotlib
 
-from tex_lightning.report.style import STYLE, looks, styled
+from tex_lightning.report.style import STYLE, briefs, looks, styled
 
 
 def test_a_chart_draws_no_two_systems_alike():
@@ -14,3 +14,10 @@ def test_the_callers_settings_stay(monkeypatch):
     monkeypatch.setitem(matplotlib.rcParams, "font.size", 33)
     size = styled(lambda: matplotlib.rcParams["font.size"])()
     assert (size, matplotlib.rcParams["font.size"]) == (STYLE["font.size"], 33)
+
+
+def test_long_names_that_differ_in_the_middle_differ_when_they_are_brief():
+    names = [f"material number {number:02} with a long descriptive name" for number in range(60)]
+    found = briefs(["oak", *names], 26)
+    assert found[:2] == ["oak", "material numb…00 with a lon"]
+    assert len({*found}) == 61

@@ -14,7 +14,7 @@ from omegaconf import OmegaConf
 from tex_lightning.evaluation.outcomes import Outcome, summarise, write_outcomes
 from tex_lightning.report.sweep import SweepSummary
 from tex_lightning.report.sweep_summary import draw_sweep, key_figure
-from tex_lightning.report.trials import shown_rows, sweep_rows, sweep_table
+from tex_lightning.report.trials import shown_rows, sweep_rows, sweep_table, swept_keys
 
 
 def job(folder: Path, task: str, results: dict | None) -> None:
@@ -222,6 +222,19 @@ def test_a_figure_over_each_swept_key_shows_lines_points_or_means(tmp_path):
     found = key_figure(search, "layers", names, searched=True)
     assert found.axes[0].get_ylabel() == "val_loss, the objective"
     assert found.axes[0].get_title() == "layers (others vary too)"
+
+
+def test_what_the_package_derives_is_not_swept_where_a_job_failed_before(tmp_path):
+    finish(tmp_path / "0", 0, 8)
+    asked = ["model=haptic", "data.test_fold=0"]
+    settings = {"hydra": {"overrides": {"task": asked}}}
+    OmegaConf.save(settings, tmp_path / "0" / ".hydra" / "hydra.yaml")
+    OmegaConf.save([*asked, "data.sampling_rate=1"], tmp_path / "0" / ".hydra" / "overrides.yaml")
+    failure = {"error": "no", "overrides": ["model=haptic", "data.test_fold=9"]}
+    (tmp_path / "1").mkdir()
+    (tmp_path / "1" / "failure.json").write_text(json.dumps(failure))
+    rows = sweep_rows([tmp_path / "0", tmp_path / "1"], searched=False)
+    assert swept_keys(rows) == ["data.test_fold"]
 
 
 def test_a_trial_that_a_search_made_twice_is_no_second_fold_or_seed(tmp_path):

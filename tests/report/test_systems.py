@@ -39,6 +39,8 @@ def test_the_papers_columns_stand_beside_its_own_data_alone(data):
 
 
 def test_a_sense_that_the_paper_does_not_have_gets_a_table_of_its_own():
+    part = make("haptic", "+--", "haptic", inside="fusion_sum")
+    assert part.label == "haptic inside fusion_sum"  # which need not be HapticNet
     table = accuracy_table("force", [make("force", "+--", "force", inside="fusion", data="tum")])
     assert table.title == "Force classification"
     assert table.rows[0]["system"] == "force inside fusion"
@@ -72,6 +74,18 @@ def test_runs_of_several_folds_are_one_system_and_other_settings_another(tmp_pat
     }
 
 
+def test_runs_that_test_the_same_samples_count_once(tmp_path):
+    counts = {"speed": {"60": {"correct": 1, "test_samples": 1}}}
+    for name, fold, seed in (("a", 1, 0), ("b", 2, 0), ("c", 1, 1)):  # each tests its one sample
+        finish(tmp_path / name / "same", **{"data.val_fold": fold, "seed": seed})
+        results = json.loads((tmp_path / name / "same" / "results.json").read_text())
+        results["networks"]["haptic"]["conditions"] = counts
+        (tmp_path / name / "same" / "results.json").write_text(json.dumps(results))
+    (system,) = read_systems([tmp_path / name / "same" for name in "abc"])
+    assert (len(system.outcomes), len(system.entries), system.seeds) == (1, 2, [1.0, 1.0])
+    assert system.conditions["conditions"]["speed"]["60"]["test_samples"] == 1
+
+
 def test_parts_of_a_fusion_are_systems_inside_it(fused):
     systems = {system.kind: system for system in read_systems([fused])}
     inside = {kind: system.inside for kind, system in systems.items()}
@@ -94,4 +108,5 @@ def test_no_row_is_called_best_and_seeds_are_not_compared_by_one_of_them():
     seeds = make("acnn", "+--", "haptic", seeds=[0.1, 0.2])
     rows = accuracy_table("haptic", [one, seeds]).rows
     assert {row["p against the top"] for row in rows} == {"top", "-"}
+    assert ["fragments" in row for row in rows] == [False, True]
     assert "best" not in NOTES

@@ -53,6 +53,12 @@ def test_results(printed, tmp_path):
     assert "debug=tiny" not in text
 
 
+def test_bins_of_a_condition_stand_by_size():
+    bins = ["-10 to -5", "-5 to 0.12", "0.12 to 0.5", "0.5 to 0.9"]
+    networks = {"haptic": {"conditions": {"force": dict.fromkeys(bins, CORRECT)}}}
+    assert [row["value"] for row in table.condition_rows(networks)] == bins
+
+
 def test_what_was_asked_for_is_shown_beside_chance(printed, tmp_path):
     unknown = {"rate": 0.05, "threshold": 1.0, "novelty_auroc": 0.98765,
                "false_rejections": {"count": 2, "of": 40, "share": 0.05},

@@ -54,6 +54,17 @@ def test_a_stopped_run_repeats_no_finished_fold(cli, tiny, crossvalidated, tmp_p
     assert haptic["test_samples"] == 6
 
 
+def test_folds_of_other_recordings_are_not_pooled(cli, tiny, crossvalidated, tmp_path):
+    directory = shutil.copytree(crossvalidated, tmp_path / "run")
+    note = json.loads((directory / "recordings.json").read_text())
+    (directory / "recordings.json").write_text(json.dumps({**note, "haptic": "of others"}))
+    asked = ["task=crossval", "model=haptic", *tiny, f"hydra.run.dir={directory}", "logger=csv"]
+    run = cli(*asked, "crossval.only=[0,2]")
+    assert run.status == 2
+    assert "has begun with other recordings" in run.err
+    assert not (directory / "folds" / "2").exists()
+
+
 def test_after_the_folds_all_recordings_are_trained_on(
     cli, tiny, crossvalidated, surfaces, tmp_path
 ):
@@ -92,6 +103,9 @@ def test_a_sweep_over_folds_pools_them(swept):
     assert (pooled["job"], int(pooled["test_samples"])) == ("2 folds", 6)
     assert int(pooled["correct"]) == int(first["correct"]) + int(second["correct"])
     report = (swept / "report.md").read_text()
+    assert (
+        "tex_lightning -m model=mfcc_nb data.test_fold=0,1" in (swept / "report.html").read_text()
+    )
     assert re.search(r"\| Modified MFCC decreasing .*\(\d/6\)", report)
     for name in re.findall(r"\]\((figures/[^)]+)\)", report):
         assert (swept / name).read_bytes().startswith(b"\x89PNG")

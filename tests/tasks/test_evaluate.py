@@ -85,6 +85,8 @@ def test_one_class_alone_is_tested(tested, tmp_path):
     np.save(tmp_path / "only/alpha/a.npy", make_trace(0, 77))
     outcomes, _ = tested(tmp_path / "only", "data.file_rate=10000")
     assert [outcome.label for outcome in outcomes] == ["alpha"]
+    results = json.loads((tmp_path / "run" / "results.json").read_text())
+    assert results["model"] == "mfcc_nb"  # and not haptic, which is another in the tables
 
 
 @pytest.mark.slow

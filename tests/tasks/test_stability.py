@@ -93,7 +93,7 @@ def test_what_fails_first_is_in_results_and_page_with_readable_names(tested, lin
     assert page.count("<td>shorter_trace</td>") == sum(
         line["perturbation"] == "shorter_trace" for line in lines
     )  # the whole of stability.csv
-    for label in ("FusionNet-FC2", "VisualNet", "checkpoints/haptic.ckpt)"):
+    for label in ("FusionNet-FC2", "visual inside fusion", "checkpoints/haptic.ckpt)"):
         assert f"{label}</td>" in page
 
 

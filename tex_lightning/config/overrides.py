@@ -112,7 +112,7 @@ def swept_keys(directory: Path) -> list[str]:
     sweeper = hydra["sweeper"]
     swept: list[str] = []
     with suppress(HydraException):  # arguments of a launcher's process may be no overrides
-        parsed = parsed_overrides(_given(directory))
+        parsed = parsed_overrides(given_overrides(directory))
         swept = [key_of(override) for override in parsed if override.is_sweep_override()]
     named = [key for name in ("params", "search_space") for key in sweeper.get(name) or ()]
     return list(dict.fromkeys([*swept, *named]))
@@ -131,7 +131,7 @@ def _parsed(text: str) -> dict[str, Any]:
     return cast(dict[str, Any], plain)
 
 
-def _given(directory: Path) -> list[str]:
+def given_overrides(directory: Path) -> list[str]:
     """Return the overrides of the sweep that a job belongs to; Optuna leaves no record of them."""
     for folder in directory.parents[:3]:  # hydra.sweep.subdir may have some
         if (folder / SWEEP).is_file():

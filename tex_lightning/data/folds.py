@@ -235,9 +235,12 @@ def check_split(parts: Split, classes: list[str], modalities: Sequence[str], by:
         if absent:
             validate = {row.label for row in parts.val.of(modality)} & {*absent}
             free = " give data.val_fold=null, which validates on none of them," if validate else ""
+            others = (*parts.val.of(modality), *parts.test.of(modality))
+            groups = {row.group_key for row in others if row.label in absent}
+            alone = f", which are all of the group {groups.pop()}" if len(groups) == 1 else ""
             raise UserError(
-                f"There are no {plural(modality)} to train on for {listed(absent)};{free} add "
-                "recordings, test less, leave the class out, or choose a model without them."
+                f"There are no {plural(modality)} to train on for {listed(absent)}{alone};{free} "
+                "add recordings, test less, leave the class out, or choose a model without them."
             )
     if by.withholds and not make_samples(parts.test, modalities):
         tested = tested_part(by)

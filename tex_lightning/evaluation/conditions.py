@@ -109,13 +109,13 @@ def _entry(votes: Iterable[Votes]) -> dict[str, Any]:
         before = values.get(value, (0, 0))
         values[value] = before[0] + correct, before[1] + count
     counts = {
-        name: {value: counted(*values[value]) for value in sorted(values, key=_order)}
+        name: {value: counted(*values[value]) for value in sorted(values, key=by_size)}
         for name, values in totals.items()
     }
     return {CONDITIONS: counts} if counts else {}
 
 
-def _order(key: str) -> tuple[bool, float, Any]:
-    """Sort numbers and bins by size, then words."""
+def by_size(key: str) -> tuple[bool, float, Any]:
+    """Return what sorts values of a condition: numbers and bins by size, then words."""
     number = NUMBER.match(key)
     return number is None, float(number[0]) if number else 0.0, natural_key(key)

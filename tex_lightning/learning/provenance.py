@@ -15,7 +15,9 @@ from typing import Any
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, DataConfig, Folding
-from tex_lightning.core.run_folder import SUFFIX
+from tex_lightning.core.files import read_record, write_text
+from tex_lightning.core.ranks import is_rank_zero
+from tex_lightning.core.run_folder import SUFFIX, holds_work
 from tex_lightning.data.folds import Split, as_override, split
 from tex_lightning.data.inspection import training_ranges
 from tex_lightning.data.recordings import (
@@ -33,6 +35,7 @@ from tex_lightning_runtime.traces import axis_files
 FOLD_KEYS = ("folds", "test_fold", "inverted", "val_fold")
 WHERE, PER_CLASS = "test_where", "per_class"
 ENDS_BYTES, ENDS_DIGITS = 65_536, 16
+RECORDINGS = "recordings.json"  # in a run folder: a digest of the recordings of each modality
 
 
 def complete_recipe(
@@ -122,6 +125,32 @@ def digests(rows: Iterable[Recording]) -> list[str]:
     ]
 
 
+def note_recordings(rows: Iterable[Recording], directory: Path) -> None:
+    """Note in a run folder which recordings it trains and tests on.
+
+    Its finished folds and half-trained weights are of those, and others would be pooled with them.
+
+    Raises:
+        UserError: If the run has begun with others.
+    """
+    facts = defaultdict(list)
+    for row, digest in zip(rows := [*rows], digests(rows), strict=True):
+        facts[row.modality].append(f"{row.label}\t{row.group_key}\t{row.fold}\t{digest}")
+    now = {
+        modality: hashlib.sha256("\n".join(sorted(lines)).encode()).hexdigest()
+        for modality, lines in facts.items()
+    }
+    note = directory / RECORDINGS
+    before = read_record(note) if note.is_file() and holds_work(directory) else {}
+    if any(before.get(modality, digest) != digest for modality, digest in now.items()):
+        raise UserError(
+            f"The run in {directory} has begun with other recordings: some were added, changed or "
+            "removed since. Choose another hydra.run.dir to train on those that there are now."
+        )
+    if is_rank_zero():
+        write_text(note, json.dumps({**before, **now}, indent=1))
+
+
 def _ends(path: Path) -> str:
     """Return the digest that checkpoints of an earlier version keep: of size, begin and end."""
     digest = hashlib.sha256()
@@ -157,6 +186,11 @@ def refuse_leak(test: Recordings, card: Card, who: str, data: Folding) -> None:
             "their own. What to expect of it a cross-validation says."
         )
     theirs = {key: card.trained_on[key] for key in FOLD_KEYS if key in card.trained_on}
+    if all(getattr(data, key) == value for key, value in theirs.items()) and not data.test_where:
+        raise UserError(
+            f"{leak}they are copies of recordings in other folds: keep one of each, or give them "
+            "one group, and train anew."
+        )
     same = [f"data.{key}={json.dumps(value)}" for key, value in theirs.items()]
     if (where := card.trained_on.get(WHERE)) or data.test_where:
         same.append(as_override(where))

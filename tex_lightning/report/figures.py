@@ -14,7 +14,7 @@ from tex_lightning.core.files import write_atomically
 from tex_lightning.evaluation.calibration import BINS, confidences, correct_votes
 from tex_lightning.evaluation.confusion import recall_by_class
 from tex_lightning.evaluation.outcomes import Counts, Outcome
-from tex_lightning.report.style import GUIDE, brief, looks, styled
+from tex_lightning.report.style import GUIDE, brief, briefs, looks, styled
 
 MAX_NAMED = 30  # classes up to which counts are written in
 MAX_LABELLED = 150  # classes up to which each is named; the matrix of more is no larger
@@ -67,7 +67,7 @@ def confusion_figure(counts: Counts, classes: list[str], title: str) -> Figure:
     shares: npt.NDArray[np.float64] = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
     gamma = GAMMA if many else 1
     image = axes.imshow(shares, norm=PowerNorm(gamma, 0, 1), cmap="viridis")
-    names = [brief(name, MAX_CHARACTERS) for name in classes]
+    names = briefs(classes, MAX_CHARACTERS)
     names = names if len(classes) <= MAX_LABELLED else []
     axes.set_xticks(range(len(names)), names, rotation=90)
     axes.set_yticks(range(len(names)), names)
@@ -99,7 +99,8 @@ def recall_figure(counts: Counts, classes: list[str], title: str) -> Figure:
     axes = figure.subplots()
     axes.barh(range(len(order)), recall[order], height=0.7)
     many = len(order) > MAX_NAMED
-    names = [brief(classes[row], MAX_CHARACTERS) for row in order]
+    named = briefs(classes, MAX_CHARACTERS)
+    names = [named[row] for row in order]
     axes.set_yticks(range(len(order)), names, fontsize=SMALL if many else None)
     mean = counts.diagonal().sum() / max(1, counts.sum())
     axes.axvline(mean, color=GUIDE, linestyle="--")

@@ -9,6 +9,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from tex_lightning.config.overrides import given_overrides
 from tex_lightning.core.files import read_rows, write_text
 from tex_lightning.report.data_page import data_pictures, data_tables
 from tex_lightning.report.misclassified import class_tables, error_cards
@@ -51,10 +52,13 @@ def write_report(
     systems = read_systems(folders) if compares else []
     names = [str(results[key]) for key in ("task", "model", "data") if results.get(key)]
     tiny = any(is_tiny(run_overrides(folder)) for folder in folders)
+    typed = typed_overrides(directory)
+    if runs is not None:
+        typed = ["-m", *given_overrides(directory / "0")]  # as of any of its jobs
     context = {
         "title": " · ".join(names) or directory.name,
         "tiny": TINY if tiny else "",
-        "command": shlex.join(["python", "-m", "tex_lightning", *typed_overrides(directory)]),
+        "command": shlex.join(["python", "-m", "tex_lightning", *typed]),
         "notes": NOTES if systems else "",
         "tables": [*first, *(comparison_tables(systems) if compares else _own_tables(results))],
         "figures": _figures(directory, results.get("networks", {})),

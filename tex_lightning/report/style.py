@@ -4,8 +4,10 @@ The colours are those of Okabe and Ito (https://jfly.uni-koeln.de/color/), but f
 cannot be seen on white, and black, which no system has: two of Tol's replace them.
 """
 
-from collections.abc import Callable, Iterable
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
+from itertools import zip_longest
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 from matplotlib import rc_context
@@ -69,3 +71,23 @@ def brief(name: str, longest: int = MAX_NAME) -> str:
     """Return a name as a figure has it, in at most about so many characters: without its middle."""
     name, half = printable(name), longest // 2
     return name if len(name) <= longest else f"{name[:half]}…{name[-half:]}"
+
+
+def briefs(names: Sequence[str], longest: int) -> list[str]:
+    """Return brief names; those that are alike then go on from where they begin to differ."""
+    alike, half = defaultdict(list), longest // 2
+    for name in names:
+        alike[brief(name, longest)].append(printable(name))
+    found = []
+    for name in names:
+        text, others = printable(name), alike[brief(name, longest)]
+        begin = min((_differs(text, other) for other in others if other != text), default=None)
+        cut = None if begin is None else f"{text[:half]}…{text[begin : begin + half]}"
+        found.append(cut or brief(name, longest))
+    return found
+
+
+def _differs(one: str, other: str) -> int:
+    """Return where two texts begin to differ."""
+    pairs = enumerate(zip_longest(one, other))
+    return next(place for place, (left, right) in pairs if left != right)

@@ -1,7 +1,7 @@
 """Compare systems by their tests: read from run folders, pooled over folds and seeds, in tables."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any
@@ -29,7 +29,7 @@ Accuracy is that of whole samples, fragments that of single positions. Intervals
 the exact McNemar test of the row against the top one, of the highest accuracy, on the same samples;
 in brackets are the samples that only the top row and only this row classified correctly.
 Milliseconds run from decoded recordings to the label on this machine; fit s is the training time of
-all folds of a row."""
+all folds of a row. Of runs of one row and seed that test the same samples, the first counts."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,7 @@ class ReportedSystem:
         outcomes: Outcomes of all runs together, or of those with the first seed: others test the
             same samples.
         seeds: Accuracy of each seed, if there are several.
+        conditions: Accuracy of the outcomes by condition, see :func:`pool_conditions`.
     """
 
     model: str
@@ -58,6 +59,7 @@ class ReportedSystem:
     entries: list[dict[str, Any]]
     outcomes: list[Outcome]
     seeds: Sequence[float] = ()
+    conditions: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def label(self) -> str:
@@ -65,8 +67,9 @@ class ReportedSystem:
         rows = [row for name in self.tables for row in paper_table(name).get("rows", ())]
         known = {row["model"]: row["label"] for row in rows}
         name = str(known.get(self.model, self.model))
-        inside = f" inside {self.inside}" if self.inside else ""
-        return name + inside + (f" ({self.variant})" if self.variant else "")
+        if self.inside:  # whose network of this sense may be any
+            name = f"{self.model} inside {self.inside}"
+        return name + (f" ({self.variant})" if self.variant else "")
 
     @property
     def accuracy(self) -> float:
@@ -125,17 +128,24 @@ def _pool(
     key: tuple[str, ...], variant: str, members: Sequence[tuple[Path, dict[str, Any]]]
 ) -> ReportedSystem:
     model, kind, inside, data = key
-    by_seed: dict[Any, list[Outcome]] = {}
-    for run, _ in members:
-        outcomes = read_outcomes(run / "predictions" / f"{kind}.csv")
-        by_seed.setdefault(run_settings(run).get("seed"), []).extend(outcomes)
-    seeds = [float(summarise(outcomes)["vote_accuracy"]) for outcomes in by_seed.values()]
-    seeds = seeds if len(seeds) > 1 else []
-    entries = [results["networks"][kind] for _, results in members]
-    first = next(iter(by_seed.values()))
+    by_seed: dict[Any, dict[str, Outcome]] = {}
+    entries: dict[Any, list[dict[str, Any]]] = {}
+    for run, results in members:
+        seed = run_settings(run).get("seed")
+        tested = by_seed.setdefault(seed, {})
+        found = read_outcomes(run / "predictions" / f"{kind}.csv")
+        if tested.keys().isdisjoint(outcome.sample for outcome in found):  # else they count twice
+            tested |= {outcome.sample: outcome for outcome in found}
+            entries.setdefault(seed, []).append(results["networks"][kind])
+    every = [[*tested.values()] for tested in by_seed.values()]
+    seeds = [float(summarise(outcomes)["vote_accuracy"]) for outcomes in every]
     return ReportedSystem(
-        model, kind, inside, data, variant, members[0][1]["classes"], entries, first, seeds
-    )
+        model, kind, inside, data, variant, members[0][1]["classes"],
+        [entry for of_seed in entries.values() for entry in of_seed],
+        every[0],
+        seeds if len(seeds) > 1 else [],
+        pool_conditions(next(iter(entries.values()))),
+    )  # fmt: skip
 
 
 def comparison_tables(systems: Sequence[ReportedSystem]) -> list[Table]:
@@ -147,7 +157,7 @@ def comparison_tables(systems: Sequence[ReportedSystem]) -> list[Table]:
         accuracy_table(name, [system for system in group if not system.inside] or group)
         for name, group in groups.items()
     ]
-    by_condition = {system.label: pool_conditions(system.entries) for system in systems}
+    by_condition = {system.label: system.conditions for system in systems}
     tables.append(
         Table(
             "By condition",
@@ -185,6 +195,8 @@ def _line(system: ReportedSystem, top: ReportedSystem, paper: Mapping[str, Any])
         **pooled_metrics(system.outcomes, calibrated=False),
         "fit_seconds": sum(entry["fit_seconds"] for entry in system.entries),
     }
+    if system.seeds:  # what is right of the first of them is not told beside the mean of all
+        ours["fragment_accuracy"] = None
     return {
         "system": system.label,
         "accuracy, paper": f"{paper['vote']:g} %" if "vote" in paper else "",

@@ -13,8 +13,7 @@ from tex_lightning.config.overrides import hydra_settings
 from tex_lightning.core.console import DEBUG, Screen, console
 from tex_lightning.core.files import read_record
 from tex_lightning.core.run_folder import SETTINGS
-from tex_lightning.data.recordings import natural_key
-from tex_lightning.evaluation.conditions import CONDITIONS
+from tex_lightning.evaluation.conditions import CONDITIONS, by_size
 from tex_lightning.evaluation.metrics import METRICS, counts_text, metrics_in, told
 
 PAPER = Path(__file__).with_name("paper.yaml")
@@ -150,7 +149,7 @@ def condition_rows(networks: Mapping[str, Network]) -> list[dict[str, str]]:
             values.setdefault(name, {}).update(dict.fromkeys(counts))
     rows = []
     for name, known in values.items():
-        for value in sorted(known, key=natural_key) if 1 < len(known) <= MAX_LISTED else ():
+        for value in sorted(known, key=by_size) if 1 < len(known) <= MAX_LISTED else ():
             entries = {network: entry.get(CONDITIONS, {}).get(name, {}).get(value)
                        for network, entry in networks.items()}  # fmt: skip
             cells = {

@@ -16,7 +16,7 @@ from tex_lightning.core.run_folder import FAILURE
 from tex_lightning.evaluation.metrics import METRICS, figures, metrics_in
 from tex_lightning.evaluation.outcomes import COUNTS
 from tex_lightning.evaluation.outcomes import counted as counted_votes
-from tex_lightning.report.table import FOLD_KEYS, Table, counted, run_overrides, run_settings
+from tex_lightning.report.table import FOLD_KEYS, Table, counted, run_settings, typed_overrides
 
 TrialRow = dict[str, Any]
 
@@ -60,7 +60,7 @@ def _of_job(job: Path) -> list[TrialRow]:
     """Return a row for each network that a job tested, or one with its status."""
     start: TrialRow = {
         JOB: job.name,
-        "overrides": run_overrides(job),
+        "overrides": typed_overrides(job),
         "settings": run_settings(job),
     }
     if (job / FAILURE).is_file():

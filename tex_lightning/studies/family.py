@@ -17,6 +17,7 @@ from tex_lightning.core.progress import Stage
 from tex_lightning.errors import UserError, shorten
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
 from tex_lightning.inference.early_stopping import SEQUENTIAL
+from tex_lightning.learning.provenance import note_recordings
 from tex_lightning.report.table import model_label
 from tex_lightning.studies.description import show_opening
 from tex_lightning.studies.fold import finished_fold, open_training, run_fold
@@ -230,7 +231,9 @@ def _run_folds(
     for fold, home in homes.items():
         results = finished_fold(home)
         if results is None:
-            dataset = dataset or open_training(config, home)
+            if dataset is None:
+                dataset = open_training(config, home)
+                note_recordings([*dataset.recordings, *dataset.unknown], home.parents[1])
             if not shown.issuperset(dataset.store.decoders):
                 shown |= {*dataset.store.decoders}
                 trains = [config.on_fold(fold).data for fold in homes]

@@ -25,6 +25,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import RANDOM, write_results
 from tex_lightning.inference.prediction import name_conflict
 from tex_lightning.learning.loggers import log_test
+from tex_lightning.learning.provenance import note_recordings
 from tex_lightning.learning.train import Training, train_networks
 from tex_lightning.learning.training_check import check_custom_parts, check_training
 from tex_lightning.report.artifacts import Artifact
@@ -59,6 +60,7 @@ def open_training(config: Config, directory: Path) -> Dataset:
 def open_and_show(config: Config, directory: Path, trains: Iterable[Folding]) -> Dataset:
     """Open the data set of one or several trainings, and print its description."""
     dataset, model = open_training(config, directory), config.model
+    note_recordings([*dataset.recordings, *dataset.unknown], directory)
     parts = "" if model.baseline or model.kind != FUSION else f": {', '.join(model.trained)}"
     keep = directory if is_rank_zero() else None
     show_opening(config.data, dataset, f"{model.name}{parts}", trains=trains, keep_in=keep)

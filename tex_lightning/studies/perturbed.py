@@ -17,12 +17,13 @@ import torch
 from torch import Tensor
 
 from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, StabilityConfig
 from tex_lightning.config.keys import choice
 from tex_lightning.config.model import FUSION, kind_of
 from tex_lightning.core.devices import pick_device, to_cpu
-from tex_lightning.core.run_folder import SUFFIX
+from tex_lightning.core.run_folder import SUFFIX, TRAINS
 from tex_lightning.data.decode import Decoder
 from tex_lightning.data.folds import Sample, make_samples
 from tex_lightning.data.recordings import Recording, write_part
@@ -223,20 +224,20 @@ def load_systems(config: Config) -> list[PerturbedSystem]:
             what it would be tested on.
     """
     datasets: Datasets = {}
-    systems: list[PerturbedSystem] = []
+    systems, places = list[PerturbedSystem](), list[str]()
     paths = [Path(name).expanduser() for name in config.stability.systems or []]
     homes = _short_paths(paths)
     for path, home in zip(paths, homes, strict=True):
-        for kind, checkpoints in _checkpoints(path).items():
+        for checkpoints in _checkpoints(path).values():
             folds = [_load(config, *checkpoint, datasets) for checkpoint in checkpoints]
-            classifier = folds[0].classifier
-            title = _title(path, kind, classifier)
-            systems.append(PerturbedSystem(title, classifier.card.kind, folds, home))
+            card = folds[0].classifier.card
+            name, label = _names(path, card)
+            systems.append(PerturbedSystem(name, card.kind, folds, label))
+            places.append(home)
     counts, numbers = Counter(system.name for system in systems), Counter[str]()
-    for system in systems:  # those of one name get a number, and readers what it stands for
+    for system, home in zip(systems, places, strict=True):
         numbers[title := system.name] += 1
-        home, system.label = system.label, model_label(title)
-        if counts[title] > 1:
+        if counts[title] > 1:  # those of one name get a number, and readers what it stands for
             system.name = f"{title} ({numbers[title]})"
             system.label += f" ({numbers[title]}: {home})"
     return systems
@@ -326,10 +327,12 @@ def _load(config: Config, path: Path, fold: int | None, datasets: Datasets) -> S
     return SystemFold(path, classifier, samples, perturbed)
 
 
-def _title(path: Path, kind: str, classifier: SurfaceClassifier) -> str:
-    """Return the model of a run, or the kind of a network beside it or of a bare file."""
-    settings = run_settings(path)
-    senses = settings.get("model.senses")
-    if senses and kind_of(senses) == kind:
-        return str(settings["model.name"])
-    return str(classifier.card.baseline.get("name", classifier.card.kind))
+def _names(path: Path, card: Card) -> tuple[str, str]:
+    """Return the name of a system, and that for readers: of its model, or of a part of that."""
+    settings = run_settings(path if path.is_dir() else path.absolute().parent.parent)
+    model = settings.get("model.name") if settings.get("task") in TRAINS else None
+    if model and kind_of(settings["model.senses"]) == card.kind:
+        return model, model_label(model)
+    if baseline := card.baseline.get("name"):
+        return baseline, model_label(baseline)
+    return card.kind, f"{card.kind} inside {model}" if model else card.kind

@@ -9,6 +9,7 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.devices import pick_device
+from tex_lightning.core.run_folder import system_name
 from tex_lightning.data.folds import make_samples, tested_part
 from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.inference.prediction import check_unknown
@@ -51,8 +52,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     loggers, networks = open_loggers(config.logger, directory, card.kind), {card.kind: network}
     log_network(config, dataset, directory, loggers, networks, further=further)
     seconds = time.perf_counter() - begin
+    model = str(card.baseline.get("name", system_name(checkpoint)))
     results = results_frame(
-        config, card.kind, card.classes, dataset.skipped, networks, seconds,
+        config, model, card.classes, dataset.skipped, networks, seconds,
         baseline=bool(card.baseline),
     )  # fmt: skip
     write_results(directory / "results.json", results)
