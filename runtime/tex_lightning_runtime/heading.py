@@ -35,7 +35,7 @@ PERIOD = re.compile(
 )
 SAMPLES = re.compile(r"\b(?:npts|samples|points)[\"' \t:=,;]+(\d+)\b|\b(\d+) samples\b", re.I)
 UNIT = re.compile(  # in a row of units
-    r"[(\[].*[)\]]|[mµμukM]?(V|A|g|N|Pa|Hz|T|G|W|K|s|m|ohm)|[cm]m|ns|sec|min|%|-|raw|a\.?u\.?|volts?"
+    r"[(\[].*[)\]]|[mµμukM]?(V|A|g|N|Pa|Hz|T|G|W|K|s|m|ohm)|[cm]m|ns|[Ss]ec|min|%|-|raw|a\.?u\.?|volts?"
     r"|°\w*|((µ|μ|u|m|k|c)?(m|g|rad|deg|°)|dps|rpm|counts?|lsb|bits?|adc|digits?|[Ss]econds?)"
     r"([/*]s(ec)?(\^?-?2|²|/s)?)?|[Ss]equence|Volts?|gauss|tesla",
 )
@@ -104,11 +104,11 @@ def _read_other(line: str, cells: Sequence[str], columns: Kinds, notes: list[str
     numbers = [kind(cell) in ("number", "stamp") for cell in cells]
     if all(numbers) and len(cells) == 1 and columns.count > 1:
         return lone_rate(cells[0], columns.rows, notes)
-    if stated_rate([line]):
+    if stated_rate([line]) or _are_settings(cells):
         return None  # which is read with the other lines above
     if sum(numbers) > 0.5 * len(cells) or (any(numbers) and len(cells) == columns.count):
         notes.append(f"an incomplete line of numbers is left out: {line.strip()[:40]!r}")
-    elif len(cells) > 1 and not any(numbers) and not _are_settings(cells):
+    elif len(cells) > 1 and not any(numbers):
         raise mismatch(len(cells), columns.count)
     return None
 

@@ -34,6 +34,7 @@ from tex_lightning_runtime.plain_text import (
     ARROW,
     HEAD,
     PAIR,
+    WRAPPED,
     most,
     pair_names,
     without_comments,
@@ -107,14 +108,20 @@ def _first_row(columns: Kinds, dialect: Dialect, head: list[str]) -> int:
 
 
 def _undecorated(content: bytes, given: str | None) -> tuple[bytes, list[str], Dialect]:
-    """Take arrows of monitors and names before numbers away, and find separator and quotes."""
+    """Take arrows, brackets and names before numbers away, and find separator and quotes."""
     sample = _sample(content)
     arrows = most(sample, ARROW.match)
     if arrows:
         sample = [ARROW.sub(b"", line) for line in sample]
+    for around in WRAPPED:
+        if most(sample, around.match):
+            content, *sample = (around.sub(rb"\1", text) for text in (content, *sample))
     if names := pair_names(sample):
-        sample = [without_names(line, []) for line in sample]
-    separator, quote = _dialect([line.decode(errors="replace") for line in sample], given)
+        separator, quote = "\t", '"'
+    else:
+        separator, quote = _dialect([line.decode(errors="replace") for line in sample], given)
+    if separator == " ":  # INFO: 0.1, 0.2
+        content = re.sub(rb"(?<=\d)[,;](?=[ \t])", b"", content)
     if arrows:
         separator = ";" if separator == NO_SEPARATOR else separator
         content = ARROW.sub(rb"\1" + separator.encode(), content)

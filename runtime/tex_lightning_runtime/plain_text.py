@@ -40,6 +40,14 @@ PAIR = re.compile(  # name:number or name=number, as plotters of serial ports re
     rb"(?m)(?:^|(?<=[\s,;|{]))[\"']?((?:[A-Za-z]\w* )?[A-Za-z_\x80-\xff][\w.\x80-\xff/()^-]*)"
     rb"[\"']?[ \t]*[:=][ \t]*(?=[-+]?\.?\d)"
 )
+WRAPPED = (  # rows in brackets, or in quotes around several cells
+    re.compile(rb"(?m)^[ \t]*[\[({]+[ \t]*(.*?)[ \t]*[\])}]+,?[ \t]*$"),
+    re.compile(rb'(?m)^"(?=[^"\n]*(?:[;\t]|\.[^"\n]*,[^"\n]*\.|[A-Za-z)],))([^"\n]*)"[ \t]*$'),
+)
+VALUE = re.compile(  # and its unit, and what else stands before the next that has a name
+    rb"\x1f[\"']?([-+]?[\d.,]*\d(?:[eE][-+]?\d+)?(?: ?[A-Za-z%\x80-\xff][^\s,;|\"'}\]:=]*)?)"
+    rb"(?:[^\x1f\n:=]|[:=][ \t]*(?=[\x1f\n]|\Z))*"
+)
 BEGINS = re.compile(rb"(?<![^\s,;|:={])[-+]?\.?\d")  # numbers
 
 
@@ -89,8 +97,10 @@ def _utf8(content: bytes) -> bytes:
             if encoding == "utf-8-sig":
                 return content[len(mark) :]
             return content.decode(encoding, "ignore").encode()  # it may end within a letter
-    if b"\0" in content.rstrip(b"\0"):
-        return content.decode(_detected(content[: HEAD // 16]), "ignore").encode()
+    head = content[:HEAD]
+    even, odd = head[::2].count(0), head[1::2].count(0)
+    if abs(even - odd) > len(head) / 4:
+        return content.decode("utf-16-be" if even > odd else "utf-16-le", "ignore").encode()
     try:
         content.decode()
     except UnicodeDecodeError:
@@ -122,14 +132,14 @@ def pair_names(lines: list[bytes]) -> list[str]:
 
 
 def without_names(content: bytes, names: list[str]) -> bytes:
-    """Drop the names before all numbers, which have to be the same in all lines."""
+    """Drop what is neither a number nor its unit; names have to be the same in all lines."""
     found = PAIR.findall(content)
     for number, name in enumerate(names):
         if {*found[number :: len(names)]} != {name.encode()}:
             raise TableError(
                 f"does not have {', '.join(names)} in every line; write the same numbers in each"
             )
-    return re.sub(rb"(?m)^[ \t]+|[\[\]{}\"']", b"", PAIR.sub(b"", content))
+    return re.sub(rb"(?m)^[ \t]+|\t$", b"", VALUE.sub(rb"\1\t", PAIR.sub(b"\x1f", content)))
 
 
 def most(lines: list[bytes], fits: Callable[[bytes], object]) -> bool:

@@ -393,6 +393,22 @@ READ = {
         + table([""] * COUNT, *XYZ, mark=";", comma=True), RATE
     ),
     "units by in": (table(times(), *XYZ, names="in s,C1 in V,C2 in V,C3 in V\n"), RATE),
+    "rows in brackets": (
+        "".join(f"({a}, {b}, {c})\n" for a, b, c in zip(*XYZ, strict=True)), None
+    ),
+    "rows in brackets, blanks": (
+        "".join(f"[ {a} {b} {c}]\n" for a, b, c in zip(*XYZ, strict=True)), None
+    ),
+    "rows in quotes": (
+        '"t (s),x,y,z"\n' + table([f'"{t}' for t in times()], *XYZ, end='"\n'), RATE
+    ),
+    "rows in quotes, decimal commas": (
+        '"x;y;z"\n' + table([f'"{x}' for x in COMMAS[0]], *COMMAS[1:], mark=";", end='"\n'), None
+    ),
+    "units and titles between named numbers": (
+        "".join(f"t={t} ms\tX: {a} \tY: {b} \tG Z: {c} \tm/s^2\tEND:\n"
+                for t, a, b, c in zip(times(1e3), *XYZ, strict=True)), RATE
+    ),
     "one word before all numbers": (table(["a/g:"] * COUNT, *XYZ, mark="\t"), None),
     "numbers one by one of any name": (table(COUNTER, *XYZ, names="Scan,x,y,z\n"), None),
     "frames of several samples": (
@@ -534,6 +550,31 @@ def test_blanks_between_thousands(tmp_path, blank):
         assert (round(rate), reading.axes) == (RATE, ("Accélération", "y"))
 
 
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
+def test_utf_16_without_a_mark(tmp_path, encoding):
+    text = "x [µm]\ty\tz\r\n" + table(*XYZ, mark="\t", end="\r\n") * 5
+    samples, _, reading = read_table(write(tmp_path, text, encoding))
+    np.testing.assert_allclose(samples, np.tile(AXES, 5))
+    assert reading.axes == ("x [µm]", "y", "z")
+
+
+def test_commas_before_blanks_divide(tmp_path):
+    text = "".join(f"I acc: {x}, {y}\n" for x, y in zip(X, Y, strict=True))
+    np.testing.assert_allclose(read_table(write(tmp_path, text))[0], AXES[:2])
+    text = "".join(f'"{x}"\n' for x in COMMAS[0])  # and others do not
+    np.testing.assert_allclose(read_table(write(tmp_path, text))[0], AXES[:1])
+
+
+def test_units_below_names_may_begin_with_a_capital_letter(tmp_path):
+    text = table(times(), *XYZ, mark="\t", names="Time\ta\tb\tc\nSec\tN\tmm\tg\n")
+    assert read_table(write(tmp_path, text))[2].axes == ("a", "b", "c")
+
+
+def test_settings_above_are_no_incomplete_lines(tmp_path):
+    text = "Range=\t10.0 V\t5.0 V\t5.0 V\n" + table(times(), *XYZ, mark="\t")
+    assert not any("incomplete" in note for note in read_table(write(tmp_path, text))[2].notes)
+
+
 def test_a_rate_of_each_of_two_columns_is_no_fraction(tmp_path):
     text = '"SampleRate",2000,2000\n' + table([""] * COUNT, X, Y)
     assert read_table(write(tmp_path, text))[1] == RATE
@@ -662,6 +703,13 @@ REFUSED = {
         table(times(), ["a", *["b"] * 9] * (COUNT // 10), *XYZ, names="t,kind,x,y,z\n"), "2 kinds i"
     ),
     "samples over the lines": (f"{3 * COUNT} samples of X\n" + ROWS, "720 samples in lines of 3;"),
+    "words beside named numbers": (
+        "".join(f"x={x} y={y} state=on\n" for x, y in zip(X, Y, strict=True)), "2 names and 3 col"
+    ),
+    "times within text": (
+        "".join(f"I ({5 * n}) acc: {x}, {y}\n" for n, (x, y) in enumerate(zip(X, Y, strict=True))),
+        "has '[(]0[)]' in column 2, a number within text",
+    ),
     "samples with their number": (table([f"[{3 * i}]" for i in NUMBERS], *XYZ, mark=" "), "text"),
     "two sensors side by side": (
         table(times(), X, times(2), Y, names="Time (s),x,Time 2 (s),y\n"),
