@@ -9,6 +9,10 @@ import pytest
 from drawing import DRAWN
 from scipy.stats import binomtest
 
+from tex_lightning.config.check import read_config
+from tex_lightning.config.composition import compose_config
+from tex_lightning.studies.perturbed import load_systems
+
 ONLY = ("white_noise", "shorter_trace", "jpeg")
 COLUMNS = (
     "system modality perturbation severity test_samples vote_accuracy ci_low ci_high flip_rate"
@@ -95,6 +99,15 @@ def test_what_fails_first_is_in_results_and_page_with_readable_names(tested, lin
     )  # the whole of stability.csv
     for label in ("FusionNet-FC2", "visual inside fusion", "checkpoints/haptic.ckpt)"):
         assert f"{label}</td>" in page
+
+
+def test_folds_of_a_cross_validation_are_its_own_whatever_the_division(surfaces, crossvalidated):
+    asked = ["task=stability", f"stability.systems=[{crossvalidated}]", "data.folds=5"]
+    config = read_config(compose_config([*asked, *data(surfaces)]))
+    (system,) = load_systems(config)
+    told = json.loads((crossvalidated / "results.json").read_text())["networks"]["haptic"]
+    right = [label == truth for label, truth in zip(system.clean, system.labels, strict=True)]
+    assert (sum(right), len(right)) == (told["correct"], told["test_samples"])
 
 
 def test_mistakes_end_in_one_sentence(cli, surfaces, fused, crossvalidated, tmp_path):

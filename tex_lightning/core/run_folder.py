@@ -141,16 +141,20 @@ def subject(*, _root_: DictConfig) -> str:
 def system_name(source: str | Path) -> str:
     """Return the model whose checkpoint it is; of a network inside a fusion its own name."""
     try:
-        file = find_checkpoint(source).absolute()
-        run = file.parents[1]
-        if run.parent.name == "folds":
-            run = run.parents[1]
+        file = find_checkpoint(source)
+        run = run_of(file)
         results = read_record(run / "results.json") if (run / "results.json").is_file() else {}
         whole = file.stem == [*results.get("networks", {"": None})][-1]
         name = str(results["model"]) if whole else file.stem
         return re.sub(r"[^\w.+-]+", "_", name)[:LONGEST] or "checkpoint"
-    except (UserError, IndexError, KeyError, OSError):  # the task says what is wrong with it
+    except (UserError, KeyError, OSError):  # the task says what is wrong with it
         return "checkpoint"
+
+
+def run_of(checkpoint: Path) -> Path:
+    """Return the run folder that a checkpoint is of; of a fold's that of the whole run."""
+    run = checkpoint.absolute().parent.parent
+    return run.parent.parent if run.parent.name == "folds" else run
 
 
 def note_failure(directory: Path, overrides: Sequence[str], reason: str) -> None:

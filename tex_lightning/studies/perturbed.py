@@ -23,7 +23,7 @@ from tex_lightning.config import Config, StabilityConfig
 from tex_lightning.config.keys import choice
 from tex_lightning.config.model import FUSION, kind_of
 from tex_lightning.core.devices import pick_device, to_cpu
-from tex_lightning.core.run_folder import SUFFIX, TRAINS
+from tex_lightning.core.run_folder import SUFFIX, TRAINS, run_of
 from tex_lightning.data.decode import Decoder
 from tex_lightning.data.folds import Sample, make_samples
 from tex_lightning.data.recordings import Recording, write_part
@@ -33,6 +33,7 @@ from tex_lightning.evaluation.comparison import mcnemar
 from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.evaluation.robustness import StabilityRow
 from tex_lightning.inference.engine import accelerate
+from tex_lightning.learning.provenance import as_trained
 from tex_lightning.perturbations.pixels import Array, Scene
 from tex_lightning.perturbations.table import (
     SEVERITIES,
@@ -213,11 +214,13 @@ TestedCheckpoint = tuple[Path, int | None]  # its test fold is None for the conf
 Datasets = dict[tuple[str, Decoder], PerturbedDataset]  # by modality and how it is decoded
 
 
-def load_systems(config: Config) -> list[PerturbedSystem]:
+def load_systems(config: Config, *, choose: bool = False) -> list[PerturbedSystem]:
     """Load every system with the test samples of each of its folds.
 
     Args:
         config: ``stability`` names the systems, ``data`` what they are tested on.
+        choose: Whether recordings are divided as each checkpoint was trained. Folds of a
+            cross-validation always are: another division has other folds of these numbers.
 
     Raises:
         UserError: If a folder or checkpoint cannot be used, knows other classes, or was trained on
@@ -229,7 +232,9 @@ def load_systems(config: Config) -> list[PerturbedSystem]:
     homes = _short_paths(paths)
     for path, home in zip(paths, homes, strict=True):
         for checkpoints in _checkpoints(path).values():
-            folds = [_load(config, *checkpoint, datasets) for checkpoint in checkpoints]
+            folds = [
+                _load(config, file, fold, datasets, choose=choose) for file, fold in checkpoints
+            ]
             card = folds[0].classifier.card
             name, label = _names(path, card)
             systems.append(PerturbedSystem(name, card.kind, folds, label))
@@ -309,10 +314,14 @@ def _checkpoints(path: Path) -> dict[str, list[TestedCheckpoint]]:
     return {kind: checkpoints[kind] for kind in kinds}
 
 
-def _load(config: Config, path: Path, fold: int | None, datasets: Datasets) -> SystemFold:
+def _load(
+    config: Config, path: Path, fold: int | None, datasets: Datasets, *, choose: bool
+) -> SystemFold:
     """Load a checkpoint and its test samples, and add the recordings to the data sets."""
     loaded = load_classifier(path)
     data = config.data if fold is None else config.on_fold(fold).data
+    if choose or fold is not None:
+        data = as_trained(data, loaded.card)
     dataset, _ = open_test_data(data, loaded, f"Checkpoint {path}")
     if not datasets:  # the first one's data are shown
         show_opening(data, dataset, ", ".join(config.stability.systems or []))
@@ -329,7 +338,7 @@ def _load(config: Config, path: Path, fold: int | None, datasets: Datasets) -> S
 
 def _names(path: Path, card: Card) -> tuple[str, str]:
     """Return the name of a system, and that for readers: of its model, or of a part of that."""
-    settings = run_settings(path if path.is_dir() else path.absolute().parent.parent)
+    settings = run_settings(path if path.is_dir() else run_of(path))
     model = settings.get("model.name") if settings.get("task") in TRAINS else None
     if model and kind_of(settings["model.senses"]) == card.kind:
         return model, model_label(model)

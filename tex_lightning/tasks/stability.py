@@ -27,7 +27,8 @@ from tex_lightning.studies.perturbed import (
 def run(config: Config, job: Job) -> dict[str, Any]:
     """Test ``stability.systems`` under all perturbations that they meet; return the results."""
     begin, directory = time.perf_counter(), job.directory
-    systems = load_systems(config)
+    divided = any(map(job.sets, ("data.folds", "data.test_fold", "data.test_where")))
+    systems = load_systems(config, choose=not divided)
     chosen = choose_perturbations(systems, config.stability)
     trials = _run_trials(systems, chosen)
     write_rows(directory / "stability.csv", StabilityRow._fields, trials)
