@@ -19,7 +19,7 @@ MISSING = {
     "--", "---",
 }  # fmt: skip
 NUMBER = re.compile(
-    r"[-+]?(\d[\d.,'’ \u00a0\u202f]*|[.,]\d+)(e[-+]?\d+|d[-+]\d+)?|[-+]?inf(inity)?", re.I
+    r"[-+]?(\d([\d.,'’ \u00a0\u202f]*[\d.])?|[.,]\d+)(e[-+]?\d+|d[-+]\d+)?|[-+]?inf(inity)?", re.I
 )
 QUANTITY = re.compile(rf"({NUMBER.pattern})\s*(?P<unit>[^\W\d_][^\d\s,;]{{0,5}}\d?|%|°\w?)", re.I)
 THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+")

@@ -116,7 +116,7 @@ def _warned(axes: list[Column]) -> list[str]:
     """Say of the first axis that rises all the time that it was not taken for time."""
     for axis in (a for a in axes if len(a.values) > MIN_RISING + 1):
         if axis.values.is_monotonic_increasing and axis.values.is_unique:
-            how = "if it is time, call it time_s or time_ms in the line of names"
+            how = "if it is time, call it time_s in the line of names, or time_us by its unit"
             return [f"{_title(axis)} rises at every sample and is read as an axis; {how}"]
     return []
 

@@ -38,17 +38,17 @@ ARROW = re.compile(  # of monitors of serial ports: 10:00:00.001 -> 0.1
 )
 PAIR = re.compile(  # name:number or name=number, as plotters of serial ports read them
     rb"(?m)(?:^|(?<=[\s,;|{]))[\"']?((?:[A-Za-z]\w* )?[A-Za-z_\x80-\xff][\w.\x80-\xff/()^-]*)"
-    rb"[\"']?[ \t]*[:=][ \t]*(?=[-+]?\.?\d)"
+    rb"[\"']?[ \t]*[:=][ \t]*(?=[\"']?[-+]?\.?\d)"
 )
 WRAPPED = (  # rows in brackets, or in quotes around several cells
     re.compile(rb"(?m)^[ \t]*[\[({]+[ \t]*(.*?)[ \t]*[\])}]+,?[ \t]*$"),
     re.compile(rb'(?m)^"(?=[^"\n]*(?:[;\t]|\.[^"\n]*,[^"\n]*\.|[A-Za-z)],))([^"\n]*)"[ \t]*$'),
 )
 VALUE = re.compile(  # and its unit, and what else stands before the next that has a name
-    rb"\x1f[\"']?([-+]?[\d.,]*\d(?:[eE][-+]?\d+)?(?: ?[A-Za-z%\x80-\xff][^\s,;|\"'}\]:=]*)?)"
+    rb"\x1f[\"']?([^\s;|\"'}\]\x1f]*[^\s,;|\"'}\]\x1f](?: [A-Za-z%\x80-\xff][^\s,;|\"'}\]:=]*)?)"
     rb"(?:[^\x1f\n:=]|[:=][ \t]*(?=[\x1f\n]|\Z))*"
 )
-BEGINS = re.compile(rb"(?<![^\s,;|:={])[-+]?\.?\d")  # numbers
+BEGINS = re.compile(rb"(?<![^\s,;|:={\"'])[-+]?\.?\d")  # numbers
 
 
 def read_utf8(path: Path) -> bytes:

@@ -129,10 +129,11 @@ def _read_file(path: Path, channels: Channels, time_unit: str | None) -> Signal:
         )
     if suffix in SUFFIXES:
         return Signal(trace, rate, reading)
+    trace = choose_channels(trace, channels, f"Trace {path}")
     if any(rising(axis[:SEEN]) for axis in trace):
         told = "an axis rises evenly; if it is time, choose the others by data.channels"
         reading = replace(reading, notes=(*reading.notes, told))
-    return Signal(choose_channels(trace, channels, f"Trace {path}"), rate, reading)
+    return Signal(trace, rate, reading)
 
 
 def _read_sound(path: Path) -> Raw:
