@@ -14,8 +14,10 @@ from tex_lightning import baselines
 from tex_lightning.config.check import check_config, read_config
 from tex_lightning.config.composition import Job
 from tex_lightning.errors import UserError
+from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.studies import family
 from tex_lightning.studies.family import compose_family, label_systems
+from tex_lightning.tasks import frontier
 
 CONTRACT = (
     "system", "kind", "parameters", "macs", "latency_ms_median", "latency_ms_p95", "fit_seconds",
@@ -108,6 +110,15 @@ def spoil(path) -> None:
         writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows({**row, "predicted": "none of them"} for row in rows)
+
+
+def test_samples_and_chance_are_those_of_all_systems_and_classes():
+    known = json.dumps(dict.fromkeys("abc", 0.3))
+    outcomes = [Outcome({"haptic": f"{n}.wav"}, "a", "a", 1, 1, 1, 2.0, probabilities=known)
+                for n in range(4)]  # fmt: skip
+    systems = [family.System("x", [], None, tests={0: outcomes[:n]}) for n in (4, 3)]
+    assert frontier._tested(systems) == ("3 to 4 test samples", 1 / 3)  # b and c have no sample
+    assert frontier._tested(systems[:1])[0] == "4 test samples"
 
 
 def test_a_finished_family_is_not_trained_again_and_its_votes_decide(

@@ -136,7 +136,7 @@ def stability_figure(
     trials: Sequence[StabilityRow],
     table: Mapping[str, Perturbation],
     systems: Mapping[str, str],
-    chance: float,
+    chances: Mapping[str, float],
 ) -> Figure:
     """Draw a cell for each system and perturbation: accuracy with interval over severity.
 
@@ -147,7 +147,7 @@ def stability_figure(
         trials: All trials.
         table: The perturbations by name.
         systems: Label of each system that has a column, by name, in order.
-        chance: Accuracy of guessing.
+        chances: Accuracy of guessing by system: some know more classes than others.
     """
     failures = find_failures(trials)
     modalities = list(dict.fromkeys(table[failure.clean.perturbation].modality
@@ -167,7 +167,7 @@ def stability_figure(
             x for x in trials if (x.system, x.perturbation) == (clean.system, clean.perturbation)
         ]
         first = [x.severity if x else STEPS + 1 for x in (failure.lower, failure.broken)]
-        _draw_cell(axes, rows, place, first, chance)
+        _draw_cell(axes, rows, place, first, chances[clean.system])
     _name_cells(axes, [table[name] for name in names], list(systems.values()), len(modalities) > 1)
     _explain(figure)
     return figure

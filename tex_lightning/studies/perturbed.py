@@ -178,6 +178,11 @@ class PerturbedSystem:
             for sample in fold.samples
         ]
 
+    @property
+    def chance(self) -> float:
+        """Accuracy of guessing among the classes that it knows."""
+        return 1 / len(self.folds[0].classifier.card.classes)
+
     @cached_property
     def clean(self) -> Labels:
         """Labels of all samples as they are."""

@@ -60,8 +60,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     baselines = [system.config.model.baseline is not None for system in systems]
     rows = _rows(systems, chosen)
     write_rows(directory / "frontier.csv", rows[0], (row.values() for row in rows))
-    tested = f"{len(systems[0].outcomes)} test samples of {config.data.name}, {_folds(folds)}"
-    chance = 1 / len({outcome.label for outcome in systems[0].outcomes})
+    samples, chance = _tested(systems)
+    tested = f"{samples} of {config.data.name}, {_folds(folds)}"
     save_figure(frontier_figure(rows, tested, chance), directory / "frontier")
     results = {
         "task": config.task,
@@ -80,6 +80,16 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     write_results(directory / "results.json", results)
     print_frontier(rows, directory, str(results["command"]))
     return results
+
+
+def _tested(systems: Sequence[System]) -> tuple[str, float]:
+    """Return the number of test samples, in which senses may differ, and the accuracy of guessing.
+
+    A tested fold may lack classes, which are guessed nevertheless.
+    """
+    counts = sorted({len(system.outcomes) for system in systems})
+    said = " to ".join(map(str, dict.fromkeys((counts[0], counts[-1]))))
+    return f"{said} test samples", 1 / len(systems[0].outcomes[0].class_probabilities)
 
 
 def _folds(folds: Sequence[int]) -> str:

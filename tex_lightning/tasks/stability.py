@@ -35,8 +35,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     table = {perturbation.name: perturbation for perturbation in chosen}
     named = dict.fromkeys(trial.system for trial in trials)
     shown = {system.name: system.label for system in systems if system.name in named}
-    chance = 1 / len(systems[0].folds[0].classifier.card.classes)
-    figure = stability_figure(trials, table, shown, chance)
+    chances = {system.name: system.chance for system in systems}
+    figure = stability_figure(trials, table, shown, chances)
     save_figure(figure, directory / "figures" / "stability")
     baselines = [bool(fold.classifier.card.baseline) for it in systems for fold in it.folds]
     results = {
@@ -49,7 +49,6 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         ),
         "engine": asdict(config.engine),
         "perturbations": {perturbation.name: asdict(perturbation) for perturbation in chosen},
-        "chance": chance,
         "systems": {system.name: _entry(system, trials) for system in systems},
         "failures": [failure_entry(failure, table) for failure in find_failures(trials)],
     }
@@ -78,6 +77,7 @@ def _entry(system: PerturbedSystem, trials: Sequence[StabilityRow]) -> dict[str,
     entry: dict[str, Any] = {
         "name": system.label,
         "kind": system.kind,
+        "chance": system.chance,
         "checkpoints": [str(fold.checkpoint) for fold in system.folds],
     }
     if not rows:
