@@ -74,6 +74,12 @@ def test_every_figure_of_a_run_is_found_where_the_table_says(bands):
 ABSENT = {"top_3_accuracy", "top_5_accuracy", "relative_macs"}
 
 
+def test_the_arithmetic_of_small_networks_is_not_nothing():
+    told_of = METRICS["macs_per_sample"].text
+    counts = (248_876, 9_420_000, 123_456_000_000)
+    assert [told_of(count) for count in counts] == ["0.25", "9.4", "123,456"]
+
+
 def test_the_results_of_a_sequential_decision_say_how_much_it_computed():
     full = outcomes_of([0, 1], np.eye(7)[:2])
     outcomes = [replace(full[0], relative_macs=0.5), full[1]]

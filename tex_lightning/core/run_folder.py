@@ -13,7 +13,7 @@ from filelock import FileLock, Timeout
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.core.files import read_record, unwritable, write_text
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, listed
 
 if TYPE_CHECKING:
     from tex_lightning.config.composition import Job
@@ -107,7 +107,7 @@ def claim_folder(composed: DictConfig, values: dict[str, Any], job: "Job") -> No
         differing = sorted(key for key in {*wanted, *before} if wanted.get(key) != before.get(key))
         if differing:
             raise UserError(
-                f"Run folder {directory} holds a run with another {', '.join(differing)}; "
+                f"Run folder {directory} holds a run with another {listed(differing)}; "
                 "choose another hydra.run.dir."
             )
         log.info("Going on with the run in %s.", directory)

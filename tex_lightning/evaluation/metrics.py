@@ -34,7 +34,6 @@ class Metric:
         compute: Gives the figure of some outcomes, or None where it means nothing; None where
             :func:`pooled_metrics` computes it with others, or the network has it.
         form: Format of the figure for people, or what makes it text.
-        scale: The figure is divided by it there.
         group: Place among the lines of a network: its votes, other scores, or costs.
         logged: ``test/NAME`` of loggers; empty means the name, None leaves it out.
         places: Tables that have it: the ``summary`` of a run, the ``comparison`` of systems,
@@ -47,7 +46,6 @@ class Metric:
     heading: str
     compute: Callable[[Sequence[Outcome]], float | None] | None = None
     form: str | Callable[[Any], str] = ".1%"
-    scale: float = 1.0
     group: Group = "scores"
     logged: str | None = ""
     places: tuple[Place, ...] = EVERYWHERE
@@ -70,7 +68,7 @@ class Metric:
         """Return a figure as text; empty for None."""
         if value is None:
             return ""
-        return self.form(value) if callable(self.form) else format(value / self.scale, self.form)
+        return self.form(value) if callable(self.form) else format(value, self.form)
 
 
 def interval_text(interval: Sequence[float]) -> str:
@@ -81,6 +79,11 @@ def interval_text(interval: Sequence[float]) -> str:
 def counts_text(entry: Mapping[str, Any]) -> str:
     """Return the counts of an entry as text; empty where nothing was tested."""
     return f"{entry['correct']}/{entry['test_samples']}" if "correct" in entry else ""
+
+
+def _millions(count: float) -> str:
+    """Return a count in millions; of less than ten also the digits after the point that it has."""
+    return f"{count / MEGA:,.0f}" if count >= 10 * MEGA else f"{count / MEGA:.2g}"
 
 
 def _mean_macs(outcomes: Sequence[Outcome]) -> float | None:
@@ -126,7 +129,7 @@ METRICS = {
         Metric("fit_seconds", "fit_seconds", "fit s", form=".1f", group="costs"),
         Metric("parameters", "parameters", "parameters", form=",.0f", group="costs", logged=None,
                places=("summary", "comparison", "frontier")),
-        Metric("macs_per_sample", "macs_per_sample", "MMAC/sample", form=",.0f", scale=MEGA,
+        Metric("macs_per_sample", "macs_per_sample", "MMAC/sample", form=_millions,
                group="costs", logged=None, places=("summary", "frontier")),
         Metric("relative_macs", "relative_macs", "arithmetic", _mean_macs, group="costs",
                logged=None, places=()),

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import PercentFormatter
+from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from tex_lightning.core.files import write_atomically
 from tex_lightning.evaluation.calibration import BINS, confidences, correct_votes
@@ -131,14 +131,16 @@ def calibration_figure(outcomes: Sequence[Outcome], name: str) -> Figure:
 
 @styled
 def learning_figure(curves: Mapping[str, Sequence[Mapping[str, float]]]) -> Figure:
-    """Draw the loss of all networks over their epochs, and the accuracy of validation below.
+    """Draw the loss of all networks over their epochs, and the accuracy of any validation below.
 
     Args:
         curves: By network rows with ``epoch`` and some of ``train/loss``, ``val/loss``,
             ``val/vote_accuracy``.
     """
-    figure = Figure(figsize=(5.2, 4.2), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True)
+    validated = any("val/vote_accuracy" in row for rows in curves.values() for row in rows)
+    figure = Figure(figsize=(5.2, 4.2 if validated else 2.4), layout="constrained")
+    grid = figure.subplots(1 + validated, 1, sharex=True, squeeze=False)
+    upper, lower = grid[0, 0], grid[-1, 0]
     for (name, rows), look in zip(curves.items(), looks(curves).values(), strict=True):
         for axes, key, line in (
             (upper, "train/loss", ":"), (upper, "val/loss", "-"), (lower, "val/vote_accuracy", "-"),
@@ -147,10 +149,13 @@ def learning_figure(curves: Mapping[str, Sequence[Mapping[str, float]]]) -> Figu
             if points:
                 label = f"{brief(name)}, {key.replace('/', ' ').replace('_', ' ')}"
                 axes.plot(*zip(*points, strict=True), line, color=look.colour, label=label)
+    if validated:
+        lower.set(ylabel="accuracy", ylim=(-0.03, 1.03))
+        lower.yaxis.set_major_formatter(PercentFormatter(1))
     upper.set(ylabel="loss", title="learning curves")
-    lower.set(xlabel="epoch", ylabel="accuracy", ylim=(-0.03, 1.03))
-    lower.yaxis.set_major_formatter(PercentFormatter(1))
-    for axes in (upper, lower):
+    lower.set_xlabel("epoch")
+    lower.xaxis.set_major_locator(MaxNLocator(integer=True))
+    for axes in figure.axes:
         if axes.get_legend_handles_labels()[0]:
             axes.legend(fontsize=6)
     return figure

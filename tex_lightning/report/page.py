@@ -98,7 +98,12 @@ def draw_learning(directory: Path) -> None:
     curves = {}
     for name in networks:
         rows: dict[float, dict[str, float]] = {}
-        for file in sorted((directory / "metrics").glob(f"{name}*/metrics.csv")):
+        files = [  # of a run that was interrupted there are several
+            file
+            for folders in (name, f"{name}_resumed*")
+            for file in sorted((directory / "metrics").glob(f"{folders}/metrics.csv"))
+        ]
+        for file in files:
             for line in read_rows(file):
                 known = {key: float(cell) for key, cell in line.items() if cell}
                 if "epoch" in known:
