@@ -387,6 +387,8 @@ def test_levels_and_short_recordings_may_lie_outside_of_the_training():
         found = part(x, (x.mean(dim=3), fragments))
         expected = part.highest[None, :, None, None].expand_as(x) if moves else x
         torch.testing.assert_close(found, expected)
+    edge = (part.highest * (1 + 1e-6))[None, :, None, None].expand(1, BANDS, 1, 5)
+    assert torch.equal(part(edge, (edge.mean(dim=3), 5)), edge)  # outside by rounding alone
     more = torch.stack([part.highest + 1, part.lowest])
     part.take(part.state_dict() | part.widened(more))
     torch.testing.assert_close(part(x, (x.mean(dim=3), 5)), more[:1, :, None, None].expand_as(x))

@@ -19,6 +19,7 @@ ROWS = 1000  # that are measured at once
 APART = 6.0  # deviations of strength, over the root of the rows, beyond the weakest and strongest
 SUFFICES = 0.75  # of the left-out rows that are right with levels, for scores without
 BEYOND = 1.5  # times the share of features that chance takes out of the range of the training
+ROUNDING = 1e-5  # of a mean: proportions of 0 and 1 are the range's ends, and no more outside of it
 SHORT, GAINLESS = "short", "gainless"  # names of the scores of other recordings
 REACH = 3.0  # times the squared length of a usual row, up to which scores are taken as they are
 
@@ -150,7 +151,7 @@ class FeatureRange(FittedLater):
             return x
         mean, count = whole[0].flatten(1), whole[1]
         moves = mean.clamp(self.lowest, self.highest) - mean
-        outside = (moves != 0).sum(dim=1, keepdim=True)
+        outside = (moves.abs() > ROUNDING).sum(dim=1, keepdim=True)
         unlike = outside >= self.share * (self.lowest < self.highest).sum()
         unlike = unlike & (self.most < count)
         if is_at_hand(x) and not unlike.any():
