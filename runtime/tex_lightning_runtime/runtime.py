@@ -102,6 +102,9 @@ class Runtime:
     def _run(self, inputs: dict[str, Decoded]) -> dict[str, Array]:
         """Outputs of the graph by name; none if a signal is too short for one fragment."""
         feed = {name: each.array for name, each in inputs.items()}
+        signals = ((self.senses[name], each) for name, each in feed.items())
+        if any("rate" in sense and x.shape[1] < (sense["least"] or 1) for sense, x in signals):
+            return {}
         if len(self.card["senses"]) > 1:  # else there are no tuples to draw
             given, pairs = self.card["decision"]["seed"], self.card["decision"]["pairs"]
             seed = content_seed(given, *(each.content for each in inputs.values()))

@@ -73,11 +73,17 @@ def slow_signals(axes: int) -> tuple[tl.Estimator, list[np.ndarray], np.ndarray]
 @pytest.mark.parametrize("axes", [3, 6])
 def test_an_export_is_compared_on_noise_of_as_many_axes_as_have_levels(axes):
     classifier = slow_signals(axes)[0].predictor_.classifier
-    assert metadata(classifier)["senses"][0]["axes"] == (axes,)
+    (said,), features = metadata(classifier)["senses"], classifier.senses["haptic"].features
+    assert (said["axes"], said["least"]) == ([axes], features.min_samples)
     for seed in range(4):
         sample = noise_sample(classifier, seed)
         assert len(sample["haptic"]) == axes
         assert len(classifier.partial_logits("haptic", sample["haptic"])) == 2
+
+
+def test_signals_of_any_number_of_axes_are_taken_where_levels_do_not_count():
+    (sense,) = metadata(SurfaceClassifier(make_card("haptic", width=0.1)))["senses"]
+    assert sense["axes"] == [*range(1, 65)]
 
 
 @pytest.mark.slow
@@ -95,6 +101,14 @@ def test_a_slow_signal_decides_alike_after_an_export_at_any_gain(axes, tmp_path)
             found = runtime.predict(haptic=gain * trace)
             assert found["label"] == expected.label == str(label)
             assert found["confidence"] == pytest.approx(expected.confidence, abs=1e-4)
+    for silent in (trace * np.eye(axes)[:, :1].astype(np.float32), 0 * trace):
+        expected, found = model.predictor_.predict(haptic=silent), runtime.predict(haptic=silent)
+        assert found["warnings"] == [*expected.warnings]
+        assert found["probabilities"] == pytest.approx(expected.probabilities, abs=1e-4)
+    short = trace[:, : runtime.senses["haptic"]["least"] - 1]
+    with pytest.raises(UserError, match="less movement than the"):
+        runtime.predict(haptic=short)
+    assert runtime.stream().push(short)["label"] is None
 
 
 @pytest.mark.slow

@@ -119,6 +119,8 @@ TEXTS = {
 ARRAYS = {
     "one": noise(50),
     "axes": np.arange(-30, 30, dtype=np.int16).reshape(3, 20),
+    "pair": noise(2, 20),
+    "six": noise(6, 20),
     "columns": np.asfortranarray(noise(20, 3).astype(np.float64)),
     "big": noise(20, 3).astype(">f4"),
 }

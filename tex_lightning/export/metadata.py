@@ -13,12 +13,13 @@ from tex_lightning.config.instantiation import PACKAGE, named_classes
 from tex_lightning.core.files import read_record
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.errors import listed
-from tex_lightning.export.tracing import axes_of
 from tex_lightning.senses.base import Sense
+from tex_lightning.senses.features.proportions import BandProportions
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 from tex_lightning.text import printable, render
 from tex_lightning_runtime.quality import limits
 from tex_lightning_runtime.runtime import FORMAT
+from tex_lightning_runtime.samples import MAX_AXES
 
 RESULTS = "results.json"
 TEMPLATE = Path(__file__).with_name("model_card.md.jinja")
@@ -65,6 +66,7 @@ def _sense(sense: Sense, card: Card) -> dict[str, Any]:
     if not isinstance(decoder, SignalDecoder):
         return entry
     least, features, frames = entry["least"], sense.features, FRAMES
+    levels: int = getattr(features, "levels", 0)
     needed = "" if least is None else f"the {least / decoder.sampling_rate:.2f} s that "
     if isinstance(features, SpectrogramFeatures):
         frames = {
@@ -77,7 +79,7 @@ def _sense(sense: Sense, card: Card) -> dict[str, Any]:
         "file_rate": decoder.file_rate,
         "channels": None if decoder.channels is None else list(decoder.channels),
         "time_unit": decoder.time_unit,
-        "axes": axes_of(sense),
+        "axes": [levels] if levels else [*range(1, MAX_AXES + 1)],
         "too_short": f"The {sense.what} has less movement than {needed}one fragment takes; record "
         "a longer stroke.",
         **frames,
@@ -86,6 +88,8 @@ def _sense(sense: Sense, card: Card) -> dict[str, Any]:
 
 def _least(sense: Sense) -> int | None:
     """Return the samples of movement, or pixels a side after halving, that one fragment takes."""
+    if isinstance(sense.features, BandProportions):
+        return sense.features.min_samples
     if not sense.knows_min_size:
         return None
     if isinstance(sense.features, SpectrogramFeatures):

@@ -33,8 +33,7 @@ def make_onnx(classifier: SurfaceClassifier) -> Any:  # noqa: ANN401
     Raises:
         UserError: If PyTorch or ONNX has no form of what it consists of, or a package is missing.
     """
-    onnx = require("onnx")
-    require("onnxscript")
+    onnx, script = require("onnx"), require("onnxscript.optimizer")
     traced, inputs, outputs = trace(classifier)
     try:
         with quiet():
@@ -45,8 +44,12 @@ def make_onnx(classifier: SurfaceClassifier) -> Any:  # noqa: ANN401
                 dynamo=True,
                 external_data=False,
                 verbose=False,
+                optimize=False,  # takes x + 1e-9 for x, and so log(x + 1e-9) of silence for log(0)
             )
             assert program is not None  # as dynamo makes it
+            script.inline(program.model)
+            script.fold_constants(program.model, onnx_shape_inference=True)
+            script.remove_unused_nodes(program.model)
             model = program.model_proto
     except Exception as error:  # of the exporter, in many ways
         raise untraceable(classifier, error) from error

@@ -21,7 +21,7 @@ from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 WINDOWS = 3  # of the network, that the recordings have with which it is traced
 SIDE = 400  # pixels of a photo for a network that does not say what it needs
 SECONDS = 4  # likewise of a signal
-AXES = (1, 3)  # how many a file takes of a signal whose levels do not count
+AXES = (1, 3)  # of signals with which it is compared, if it takes any number of axes
 
 
 def trace(
@@ -87,7 +87,7 @@ def draws(seed: int, count: int, senses: int) -> Tensor:
 
 
 def axes_of(sense: Sense) -> tuple[int, ...]:
-    """Return how many axes a file may take of the signals of a sense, the most last."""
+    """Return how many axes the signals have with which a sense is compared, the most last."""
     levels: int = getattr(sense.features, "levels", 0)
     return (levels,) if levels else AXES
 

@@ -7,6 +7,7 @@ import { parseTable } from "./table.js";
 import { parseWav } from "./wav.js";
 
 const LARGEST = 1e9; // no unit of acceleration comes near; squares still fit float32
+const MOST_AXES = 64;
 const TEXT = /\.(csv|txt)$/i;
 const WAV = /\.wav$/i;
 const NPY = /\.npy$/i;
@@ -18,7 +19,7 @@ export const SIGNAL_FILES = ".wav,.csv,.txt,.npy";
  * @param {string} name - Of the file; its ending says how it is read.
  * @param {ArrayBuffer} buffer - The file.
  * @param {object} sense - Its entry of the model card.
- * @returns {{axes: (Float32Array | Float64Array)[], rate: number | null}} One or three axes; their
+ * @returns {{axes: (Float32Array | Float64Array)[], rate: number | null}} The axes; their
  *   rate in Hz where the file says it.
  */
 export function readSignal(name, buffer, sense) {
@@ -58,8 +59,8 @@ function choose(channels, numbers) {
 }
 
 function checked(axes) {
-  if (axes.length !== 1 && axes.length !== 3) {
-    throw new InputError(`it has ${axes.length} channels, and a signal has one or three axes`);
+  if (axes.length === 0 || axes.length > MOST_AXES) {
+    throw new InputError(`it has ${axes.length} channels, and a signal has 1 to ${MOST_AXES} axes`);
   }
   if (axes[0].length === 0) throw new InputError("it holds no samples");
   for (const axis of axes) {
