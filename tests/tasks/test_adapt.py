@@ -89,6 +89,17 @@ def test_many_files_are_adapted_to_before_they_are_classified(strokes, trained, 
     assert "Nothing was adapted: of 4 recordings only" in few.err
 
 
+def test_a_file_that_is_too_short_does_not_stop_the_others(strokes, trained, cli, tmp_path):
+    soundfile.write(tmp_path / "short.wav", trace(0, 0)[:40], RATE, "FLOAT")
+    files = [tmp_path / "short.wav", *sorted((strokes / "others").iterdir())[:4]]
+    given = f"haptic=[{','.join(map(str, files))}]"
+    outcome = cli("task=predict", f"checkpoint={trained}", "adapt=true", given)
+    assert outcome.status == 2
+    assert len(outcome.out.splitlines()) == 4
+    assert "of 4 recordings only" in outcome.err
+    assert "short.wav: The signal has 0.02 s of movement" in outcome.err
+
+
 def test_a_data_set_gives_what_was_not_trained_on(strokes, trained, cli, tmp_path):
     lines = ["label,modality,path,group,session"]
     lines += [f"{n},haptic,{strokes}/known/{n}/0.wav,{n},1" for n in range(CLASSES)]

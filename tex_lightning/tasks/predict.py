@@ -19,7 +19,6 @@ from tex_lightning.data.recordings import natural_key, plural
 from tex_lightning.errors import UserError
 from tex_lightning.inference.predictor import Predictor
 from tex_lightning_runtime.files import is_file
-from tex_lightning_runtime.quality import Quality
 from tex_lightning_runtime.traces import stands_for_all
 
 
@@ -77,13 +76,12 @@ def adapted(predictor: Predictor, samples: Sequence[Mapping[str, Path]]) -> Pred
     # takes as long to import as training
     from tex_lightning.learning.adaptation import adapt, sample_features
 
-    def decoded() -> Iterator[dict[str, tuple[Tensor, Quality]]]:
+    def features() -> Iterator[Tensor]:
         for files in samples:
             with suppress(UserError):  # which its prediction says
-                yield predictor.decoded(files)
+                yield from sample_features(predictor.classifier, [predictor.decoded(files)])
 
-    features = sample_features(predictor.classifier, decoded())
-    adaptation = adapt(predictor.classifier, features, predictor.card.unknown_above)
+    adaptation = adapt(predictor.classifier, features(), predictor.card.unknown_above)
     say(str(adaptation))
     return Predictor(adaptation.classifier, predictor.config)
 
