@@ -151,6 +151,7 @@ def test_a_slow_signal_has_the_label_of_the_whole_recording():
     model.fit([recording(kind, 8) for kind in labels], labels)
     for kind in range(3):
         samples, stream = recording(kind, 60), model.predictor_.stream()
+        samples[:, 1000:1200] = samples[:, 1000:1001]  # 4 s of rest
         *_, last = (stream.push(samples[:, i : i + 25]) for i in range(0, samples.shape[1], 25))
         whole = model.predictor_.predict(haptic=samples)
         assert last.label == whole.label == str(kind)

@@ -78,20 +78,14 @@ def movement(trace: Tensor, start: Tensor, least: int) -> Tensor:
 
 def without_rests(trace: Tensor, sampling_rate: float, least: int) -> Tensor:
     """Return the samples (axes, samples) of the movement; at least ``least`` are promised."""
-    length = block_length(sampling_rate)
-    if length is None:
-        return trace
-    kept = (~left_out(trace, sampling_rate, length)).nonzero()[:, 0]
+    kept = (~left_out(trace, sampling_rate, block_length(sampling_rate))).nonzero()[:, 0]
     promise(kept.shape[0] >= least)
     return trace.index_select(1, kept)
 
 
 def before_last_rest(trace: Tensor, sampling_rate: float, least: int) -> Tensor:
     """Return a signal (axes, samples) without a rest or a knock at its end likewise."""
-    length = block_length(sampling_rate)
-    if length is None:
-        return trace
-    moving = ~left_out(trace, sampling_rate, length)
+    moving = ~left_out(trace, sampling_rate, block_length(sampling_rate))
     end: Any = (moving * torch.arange(1, trace.shape[-1] + 1)).amax(dim=0).item()
     promise(end >= least)
     promise(end <= trace.shape[-1])

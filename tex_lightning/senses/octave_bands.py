@@ -22,6 +22,7 @@ MIN_BLOCK, MAX_BLOCK = 64, 1024  # frames
 FLOOR = 1e-7  # of the power of a frame; below it the logarithm is flat
 SILENCE = 1e-15  # of the mean power of the training set, likewise
 EMPTY, LEAST_DEPTH = 4.0, 2.0  # deviations, and nepers of power: a band that far below is empty
+SLOW_DEPTH = 6.0  # of slow sensors, whose quiet bands tell the material
 SHAPE, POWER = "shape", "power"  # kinds of blocks of proportions
 AXES, AXES_POWER = "axes", "axes_power"  # the same of every axis by itself
 MEAN, DEVIATION = "mean", "deviation"
@@ -185,11 +186,11 @@ class OctaveBands(nn.Module):
         for channels in torch.split(every, max(1, BLOCK // frames)):
             ordered = _ordered(responses[:, channels].T)
             self.thresholds[:, channels] = ((ordered[:, places] + ordered[:, after]) / 2).T
-        if not self.levels:  # slow sensors have silent bands, which tell the material
-            relative = responses[:, : self.sizes[0]]
-            depth = (EMPTY * relative.std(dim=0, correction=0)).clamp_min(LEAST_DEPTH)
-            self.usual.copy_(torch.stack([relative.mean(dim=0), depth]))
-            self._note_usual()
+        relative = responses[:, : self.sizes[0]]
+        least = SLOW_DEPTH if self.levels else LEAST_DEPTH
+        depth = (EMPTY * relative.std(dim=0, correction=0)).clamp_min(least)
+        self.usual.copy_(torch.stack([relative.mean(dim=0), depth]))
+        self._note_usual()
 
     def summary(self, blocks: Iterable[Tensor], frames: int, fragments: int) -> Tensor:
         """Return the features (D, fragments).

@@ -16,6 +16,7 @@ SETTLING_SECONDS = 0.2  # from the touch to steady movement
 STEADY_FACTOR = 10.0  # steady movement is this many times louder than the quiet before the touch
 SEARCH_SECONDS = 2.0  # later bursts are part of the movement
 KNOWN_SECONDS = SEARCH_SECONDS + SETTLING_SECONDS + QUIET_SECONDS  # then nothing changes the start
+MIN_BLOCK = 8  # samples
 BLOCK_SECONDS = 0.05  # over which it is judged whether the tool moves
 REST_SECONDS = 0.4  # a shorter pause, as where a stroke turns, belongs to the movement
 REST_POWER = 0.002  # of the loud blocks' power; in a stroke it falls to 0.003 for 0.3 s at most
@@ -52,11 +53,10 @@ def movement_start(trace: Tensor, sampling_rate: float) -> int:
     return quiet + int(touches[0]) + settling if len(touches) else 0
 
 
-def block_length(sampling_rate: float) -> int | None:
-    """Return the samples of a block; None at a rate that is too low to tell rest from movement."""
-    if int(QUIET_SECONDS * sampling_rate) < MIN_QUIET:
-        return None
-    return max(MIN_QUIET, int(BLOCK_SECONDS * sampling_rate))
+def block_length(sampling_rate: float) -> int:
+    """Return the samples of a block: those of 0.05 s, but at least 20, or what 0.1 s have, or 8."""
+    few = min(MIN_QUIET, int(QUIET_SECONDS * sampling_rate))
+    return max(MIN_BLOCK, few, int(BLOCK_SECONDS * sampling_rate))
 
 
 def left_out(trace: Tensor, sampling_rate: float, length: int) -> Tensor:
@@ -156,7 +156,7 @@ def moving(trace: Tensor, sampling_rate: float, *, pieces: bool = True) -> Tenso
     """
     trace = trace[:, movement_start(trace, sampling_rate) :]
     length = block_length(sampling_rate)
-    if length is None or trace.shape[-1] < length:
+    if trace.shape[-1] < length:
         return trace
     out = left_out_blocks(trace, sampling_rate, length)
     if not bool(out.any()):

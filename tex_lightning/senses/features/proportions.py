@@ -170,9 +170,8 @@ class BandProportions(nn.Module):
     @property
     def min_samples(self) -> int:
         """Samples of movement that a recording has to have."""
-        block = block_length(self.sampling_rate) if self.skip_impact else None
         shortest: int = min(window.length for window in self.windows)
-        return max(shortest, block or 0)
+        return max(shortest, block_length(self.sampling_rate) if self.skip_impact else 0)
 
     def movement(self, trace: Tensor) -> Tensor:
         """Return the movement (axes, samples) in a trace.
