@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import scipy  # whose parts are loaded when they are used
@@ -13,6 +12,7 @@ from torch import Tensor, nn
 from tex_lightning.core.devices import is_at_hand
 from tex_lightning.senses.features.spectrogram import mean_filters, triangles
 from tex_lightning.senses.moments import Moments
+from tex_lightning.senses.usual_bands import UsualBands
 
 OVERLAP = 4  # frames that every sample is in
 LONGEST_ODD = 1024  # samples; transforms of more are fast if they can be halved
@@ -21,8 +21,6 @@ BLOCK = 1 << 18  # samples of frames that are computed at once, about, so that t
 MIN_BLOCK, MAX_BLOCK = 64, 1024  # frames
 FLOOR = 1e-7  # of the power of a frame; below it the logarithm is flat
 SILENCE = 1e-15  # of the mean power of the training set, likewise
-EMPTY, LEAST_DEPTH = 4.0, 2.0  # deviations, and nepers of power: a band that far below is empty
-SLOW_DEPTH = 6.0  # of slow sensors, whose quiet bands tell the material
 SHAPE, POWER = "shape", "power"  # kinds of blocks of proportions
 AXES, AXES_POWER = "axes", "axes_power"  # the same of every axis by itself
 MEAN, DEVIATION = "mean", "deviation"
@@ -46,14 +44,12 @@ class OctaveBands(nn.Module):
         hop: Samples between the starts of frames.
         sizes: Number of bands in each comparison.
         blocks: Kind and number of features of each block, in their order.
-        usual: Mean of each band relative to its frame in training, and how far below one is empty
-            (2, bands); zeros take none for empty.
+        usual: What the bands usually are, for recordings in which some are empty.
         thresholds: (thresholds, channels).
     """
 
     window: Tensor
     filters: Tensor
-    usual: Tensor
     thresholds: Tensor
 
     def __init__(
@@ -79,13 +75,10 @@ class OctaveBands(nn.Module):
         window = torch.hann_window(length, periodic=False)
         self.register_buffer("window", window, persistent=False)
         self.register_buffer("filters", filters.T.contiguous(), persistent=False)
-        self.register_buffer("usual", torch.zeros(2, bands))
         self.register_buffer("thresholds", torch.zeros(thresholds, channels))
+        self.usual = UsualBands(self.sizes, self.gap, levels=levels, apart=apart)
         self.blocks = self._blocks(thresholds)
         self.width = sum(size for _, size in self.blocks)
-        self.knows_usual = False
-        loaded: Any = self.register_load_state_dict_post_hook  # it has no annotations
-        loaded(OctaveBands._note_usual)
 
     def _blocks(self, thresholds: int) -> list[tuple[str, int]]:
         shares = [size * thresholds for size in self.sizes]
@@ -103,9 +96,6 @@ class OctaveBands(nn.Module):
         means = bands, bands[self.gap :]
         shares = [part.repeat_interleave(count) for part in (*means, bands)]
         return [*map(int, torch.cat((*shares, *means)))]
-
-    def _note_usual(self, *_: object) -> None:
-        self.knows_usual = bool(self.usual.any())
 
     def count_frames(self, samples: int) -> int:
         """Return how many frames so many samples have."""
@@ -151,15 +141,17 @@ class OctaveBands(nn.Module):
         Args:
             power: (axes, frames, bands).
             level: Mean power () of the training set.
+
+        Returns:
+            (frames, channels); NaN where a band is empty.
         """
         responses = []
         for part in (joined(power), power)[: 1 + bool(self.apart)]:
             # a floor of the frame's own power, so that gain leaves its shape
             floor = FLOOR * part.mean(dim=2, keepdim=True) + SILENCE * level
             logs = (part + floor).div_(level).log_()
-            if self.knows_usual:
-                logs = without_empty(logs, *self.usual)
-            responses.append(compared(logs, self.gap, len(self.sizes)))
+            logs, mean = self.usual.without_empty(logs, logs.mean(dim=2, keepdim=True))
+            responses.append(compared(logs, mean, self.gap, len(self.sizes)))
         return responses[0] if len(responses) == 1 else torch.cat(responses, dim=1)
 
     def thinned(self, movement: Tensor, level: Tensor, kept: int) -> Tensor:
@@ -171,11 +163,6 @@ class OctaveBands(nn.Module):
             first += len(responses)
         return torch.cat(parts)
 
-    def forget(self) -> None:
-        """Take no band for empty."""
-        self.usual.zero_()
-        self.knows_usual = False
-
     def learn(self, responses: Tensor) -> None:
         """Set thresholds to quantiles of responses (frames, channels) in the training."""
         count, frames = len(self.thresholds), len(responses)
@@ -186,11 +173,7 @@ class OctaveBands(nn.Module):
         for channels in torch.split(every, max(1, BLOCK // frames)):
             ordered = _ordered(responses[:, channels].T)
             self.thresholds[:, channels] = ((ordered[:, places] + ordered[:, after]) / 2).T
-        relative = responses[:, : self.sizes[0]]
-        least = SLOW_DEPTH if self.levels else LEAST_DEPTH
-        depth = (EMPTY * relative.std(dim=0, correction=0)).clamp_min(least)
-        self.usual.copy_(torch.stack([relative.mean(dim=0), depth]))
-        self._note_usual()
+        self.usual.learn(responses)
 
     def summary(self, blocks: Iterable[Tensor], frames: int, fragments: int) -> Tensor:
         """Return the features (D, fragments).
@@ -204,8 +187,11 @@ class OctaveBands(nn.Module):
         above, means = Moments(frames, fragments), Moments(frames, fragments)
         for responses in blocks:  # as numbers: faster than a comparison as booleans
             found = responses.new_empty(responses.shape[0], *limits.shape)
-            above.add(torch.gt(responses[:, None], limits, out=found).flatten(1))
+            found = torch.gt(responses[:, None], limits, out=found)
             kept = responses[:, : sum(bands if self.levels else bands[:2])]
+            if self.usual.has_empty(responses):
+                found, kept = self.usual.fill(responses, found, kept)
+            above.add(found.flatten(1))
             means.add(kept, squares=self.levels)
         shares = above.mean.reshape(-1, *limits.shape).transpose(1, 2).flatten(1)
         parts = [shares, means.mean[:, : sum(bands[:2])]]
@@ -234,43 +220,17 @@ def joined(power: Tensor) -> Tensor:
     return power if len(power) == 1 else power.sum(dim=0, keepdim=True)
 
 
-def without_empty(logs: Tensor, usual: Tensor, depth: Tensor) -> Tensor:
-    """Return log bands (axes, frames, bands) with empty ones as they usually are beside the others.
-
-    What was recorded at a lower rate has nothing in the highest bands. They would change the mean
-    of the frame, and with it all others.
-
-    Args:
-        logs: (axes, frames, bands).
-        usual: The bands of a frame in training, relative to its mean, (bands,).
-        depth: How far below a band is empty if those above are, (bands,).
-    """
-    mean = logs.mean(dim=2, keepdim=True) - usual.mean()
-    highest = logs[..., -1:] - usual[-1] - mean
-    if is_at_hand(logs) and bool((highest > -depth[-1]).all()):
-        return logs
-    apart = logs - usual
-    heard = apart - mean > -depth
-    for _ in range(2):  # the mean of those that are heard is higher, and more are empty below it
-        heard = heard.flip(2).cumsum(dim=2).flip(2) > 0
-        count = heard.sum(dim=2, keepdim=True).clamp_min(1)
-        mean = (apart * heard).sum(dim=2, keepdim=True) / count
-        heard = apart - mean > -depth
-    heard = heard.flip(2).cumsum(dim=2).flip(2) > 0
-    return torch.where(heard, logs, usual + mean)
-
-
-def compared(bands: Tensor, gap: int, kinds: int) -> Tensor:
+def compared(bands: Tensor, mean: Tensor, gap: int, kinds: int) -> Tensor:
     """Return log bands (axes, frames, bands) in three or all four comparisons, side by side.
 
-    With the mean of the frame, with the band ``gap`` below, with the same band one window earlier
-    (the first frames with the first), and as they are.
+    With the ``mean`` (axes, frames, 1) of the frame, with the band ``gap`` below, with the same
+    band one window earlier (the first frames with the first), and as they are.
 
     Returns:
         (frames, channels); of each comparison all axes.
     """
     earlier = (torch.arange(bands.shape[1], device=bands.device) - OVERLAP).clamp_min(0)
-    relative, steps = bands - bands.mean(dim=2, keepdim=True), bands[..., gap:] - bands[..., :-gap]
+    relative, steps = bands - mean, bands[..., gap:] - bands[..., :-gap]
     comparisons = (relative, steps, bands - bands.index_select(1, earlier), bands)[:kinds]
     return torch.cat([part.transpose(0, 1).flatten(1) for part in comparisons], dim=1)
 

@@ -267,7 +267,7 @@ def test_bands_that_are_empty_at_a_lower_rate_change_no_others():
     lower = torch.from_numpy(resample_poly(halved, 2, 1, axis=1)).float()
     state = features.state_dict()
     older = make()  # of a checkpoint of before: no band is taken for empty
-    known = {name: x for name, x in state.items() if not name.endswith("usual")}
+    known = {name: x for name, x in state.items() if "usual" not in name}
     for number in range(2):
         known[f"thresholds{number}"] = known.pop(f"windows.{number}.thresholds")
     older.load_state_dict(known)
@@ -284,6 +284,33 @@ def test_bands_that_are_empty_at_a_lower_rate_change_no_others():
     again = make()
     again.load_state_dict(state)
     assert torch.equal(again(lower), features(lower))
+    for number, window in enumerate(features.windows):  # as a checkpoint has it that is less old
+        mean, deviation = state.pop(f"windows.{number}.usual.moments")[:, : window.sizes[0]]
+        state[f"windows.{number}.usual"] = torch.stack([mean, (4 * deviation).clamp_min(2)])
+    again = make()
+    again.load_state_dict(state)
+    torch.testing.assert_close(again(lower), features(lower))
+
+
+@pytest.mark.parametrize("levels", [None, 2])
+def test_what_is_empty_counts_as_it_usually_is(levels):
+    """Of noise, whose bands do not depend on each other, recorded at half the rate."""
+    traces = [noise(6.0, seed=seed, axes=2) for seed in range(4)]
+    features, unaware = make(levels=levels), make(levels=levels)
+    for each in (features, unaware):
+        each.learn(traces)
+    for window in unaware.windows:
+        window.usual.learn(None)
+    halved = resample_poly(traces[0].double().numpy(), 1, 2, axis=1)
+    lower = torch.from_numpy(resample_poly(halved, 2, 1, axis=1)).float()
+    differences = {}
+    for read in (features, unaware):
+        change = (read(lower) - features(traces[0]))[0, 0].mean(dim=1)
+        for kind in ("shape", "mean", *(("power", "deviation", "axes") if levels else ())):
+            chosen = of_kind(features, kind)
+            differences.setdefault(kind, []).append(float(change[chosen].abs().mean()))
+    for kind, (known, unknown) in differences.items():
+        assert known < 0.65 * unknown, (kind, known, unknown)
 
 
 def test_what_is_too_short_is_refused_with_its_length():

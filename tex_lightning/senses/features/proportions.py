@@ -212,7 +212,7 @@ class BandProportions(nn.Module):
         """
         traces = traces[:: math.ceil(len(traces) / MAX_RECORDINGS)]
         for window in self.windows:
-            window.forget()
+            window.usual.learn(None)
         held, counts = self._held(traces)
         lengths = torch.tensor([window.length for window in self.windows])
         least = WINDOWS_IN_SLOW if self.levels else WINDOWS_IN_RECORDING
@@ -249,8 +249,9 @@ class BandProportions(nn.Module):
                 new, old = f"{prefix}windows.{number}.{name}", f"{prefix}{name}{number}"
                 if old in state:
                     state[new] = state.pop(old)
-                elif name == "usual":
-                    state.setdefault(new, torch.zeros_like(value))
+                elif name == "usual.moments":
+                    usual = state.pop(f"{prefix}windows.{number}.usual", value.new_zeros(2, 1))
+                    state.setdefault(new, window.usual.of_older(usual))
         super()._load_from_state_dict(state, prefix, *rest)
 
     def _learn_levels(self, movements: Callable[[], Iterator[Tensor]]) -> None:
