@@ -82,7 +82,11 @@ def test_many_files_are_adapted_to_before_they_are_classified(strokes, trained, 
         {x["haptic"]: x["probabilities"] for x in map(json.loads, lines.splitlines())}
         for lines in (whole.out, outcome.out)
     ]
-    assert told[0] == told[1]  # in any order
+    assert told[0].keys() == told[1].keys()
+    for file, found in told[
+        0
+    ].items():  # in any order, but for rounding by another number of threads
+        assert found == pytest.approx(told[1][file], rel=1e-6)
     few = cli(*asked, f"haptic=[{','.join([*files[:4], str(strokes / 'gone.wav')])}]")
     assert few.status == 2
     assert len(few.out.splitlines()) == 4
