@@ -139,7 +139,7 @@ def run(settings: Node, cell: Cell, target: Path) -> Node:
         items = apply(shape.changes, load(settings, cell.set), cell.shape, shape.kind)
         result = classify(*way(settings, cell, target), items)
     except UserError as error:
-        result = {"said": f"refused: {error}"}
+        result = {"said": f"refused: {str(error).splitlines()[0]}"}
     except Exception as error:  # the other cells are run, whatever it is
         result = {"said": f"failed: {error!r}"}
     if not result["said"].startswith("failed"):

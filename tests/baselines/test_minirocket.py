@@ -43,6 +43,14 @@ def test_the_strength_is_chosen_on_groups_that_are_left_out(configured):
     torch.testing.assert_close(again.logits(traces[0]), baseline.logits(traces[0]))
 
 
+def test_one_recording_of_each_class_in_one_session_is_enough(configured):
+    """Then nothing of a class is left to leave out, and the strength is chosen as without groups."""
+    traces = [np.sin(np.arange(900) * step) for step in (0.1, 0.5, 1.0)]
+    baseline = configured("minirocket", kernels=200)
+    baseline.fit(traces, np.arange(3), seed=0, groups=["monday"] * 3)
+    assert [int(baseline.logits(trace).argmax()) for trace in traces] == [0, 1, 2]
+
+
 def turned(kind: int, seed: int) -> np.ndarray:
     """A tone along one axis and noise along another, which one tells the class: (3, 600)."""
     rng = np.random.default_rng(seed)

@@ -75,7 +75,7 @@ class MiniRocket(EstimatorBaseline):
         self.axes = len(traces[0])
         shared = 0 < len({*groups}) < len(groups)
         parts = leave_out(labels.tolist(), groups) if shared else []
-        self.divisions = PredefinedSplit(parts) if parts else None
+        self.divisions = PredefinedSplit(parts) if max(parts, default=-1) >= 0 else None
         self.length = max(trace.shape[1] for trace in traces)
         variances = [trace.var(axis=1).mean() for trace in traces]
         self.scale = float(np.mean(variances) ** 0.5) or 1.0

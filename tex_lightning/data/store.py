@@ -113,7 +113,7 @@ def fingerprint(path: Path) -> str:
     return hashlib.sha256("".join(digests).encode()).hexdigest()[:DIGITS]
 
 
-@lru_cache(maxsize=1 << 16)
+@lru_cache(maxsize=KEPT)
 def _digest(file: Path, _: tuple[int, ...]) -> str:
     """Return a digest of a whole file; it is read again if its size or times have changed.
 
