@@ -44,7 +44,7 @@ def test_the_strength_is_chosen_on_groups_that_are_left_out(configured):
 
 
 def test_one_recording_of_each_class_in_one_session_is_enough(configured):
-    """Then nothing of a class is left to leave out, and the strength is chosen as without groups."""
+    """Nothing of a class can be left out then, and the strength is chosen as without groups."""
     traces = [np.sin(np.arange(900) * step) for step in (0.1, 0.5, 1.0)]
     baseline = configured("minirocket", kernels=200)
     baseline.fit(traces, np.arange(3), seed=0, groups=["monday"] * 3)
