@@ -58,6 +58,7 @@ def _samples(runtime: Runtime, inputs: list[str]) -> list[dict[str, str]]:
     """Files by modality of every sample that the words of the command line name."""
     words = dict(word.partition("=")[::2] for word in inputs)
     require(words and all(words.values()), "Give recordings as NAME=FILE, such as haptic=A.wav.")
+    require(len(words) == len(inputs), "Give each modality once, several files as a folder.")
     files = {name: _files(value) for name, value in words.items() if runtime.sense(name)}
     said = " and ".join(f"{len(each)} of {name}" for name, each in files.items())
     require(len({*map(len, files.values())}) == 1, f"There are {said}; give as many of each.")

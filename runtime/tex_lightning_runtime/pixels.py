@@ -50,7 +50,7 @@ def middle(photo: Array, scale: int, name: str) -> Array:
     """
     sizes = [length // scale for length in photo.shape[:2]]
     if not all(sizes):
-        raise UserError(f"{name} is too thin to be halved; set data.half_scale=false.")
+        raise UserError(f"{name} is too thin to be halved; use a larger one.")
     if sizes[0] * sizes[1] <= MAX_PIXELS:
         return photo
     kept = [min(size, MAX_PIXELS // min(MAX_SIDE, *sizes)) for size in sizes]

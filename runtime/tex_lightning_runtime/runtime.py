@@ -55,8 +55,11 @@ class Runtime:
         """
         begin, given = time.perf_counter(), recordings.items()
         senses = [(self.sense(name), each) for name, each in given if each is not None]
-        found = self.decide({s["modality"]: decode(each, s, rate) for s, each in senses}, begin)
-        require(found["fragments"], " ".join(s["too_short"] for s, _ in senses if "rate" in s))
+        decoded = {s["modality"]: decode(each, s, rate) for s, each in senses}
+        found = self.decide(decoded, begin)
+        signals = [s for s, _ in senses if "rate" in s]
+        short = [s for s in signals if _lacks(s, decoded[s["modality"]].array)]
+        require(found["fragments"], " ".join(s["too_short"] for s in short or signals))
         return found
 
     def stream(self, window: float | None = None, **given: Any) -> "Stream":
@@ -102,8 +105,7 @@ class Runtime:
     def _run(self, inputs: dict[str, Decoded]) -> dict[str, Array]:
         """Outputs of the graph by name; none if a signal is too short for one fragment."""
         feed = {name: each.array for name, each in inputs.items()}
-        signals = ((self.senses[name], each) for name, each in feed.items())
-        if any("rate" in sense and x.shape[1] < (sense["least"] or 1) for sense, x in signals):
+        if any(_lacks(self.senses[name], each) for name, each in feed.items()):
             return {}
         if len(self.card["senses"]) > 1:  # else there are no tuples to draw
             given, pairs = self.card["decision"]["seed"], self.card["decision"]["pairs"]
@@ -122,6 +124,11 @@ class Runtime:
         finite = all(bool(np.isfinite(each).all()) for each in scores)
         require(finite, f"Model {self._path} computes NaN, so it is damaged; export it anew.")
         return found if all(each.size for each in scores) else {}
+
+
+def _lacks(sense: dict[str, Any], array: Array) -> bool:
+    """Return whether it is a signal that is too short for one fragment, movement or not."""
+    return "rate" in sense and array.shape[1] < (sense["least"] or 1)
 
 
 class Stream:

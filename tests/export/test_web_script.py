@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import soundfile
+from PIL import Image
 from scipy.signal import chirp, resample_poly
 
 from tex_lightning.classifier.vote import random_tuples
@@ -123,6 +124,8 @@ ARRAYS = {
     "six": noise(6, 20),
     "columns": np.asfortranarray(noise(20, 3).astype(np.float64)),
     "big": noise(20, 3).astype(">f4"),
+    "whole": np.arange(-30, 30).reshape(3, 20),
+    "natural": np.arange(60, dtype=np.uint64).reshape(20, 3),
 }
 
 
@@ -263,3 +266,48 @@ def test_the_spectrogram_to_look_at_follows_a_sweep(node):
     expected = 80 + (800 - 80) * centres / seconds
     assert np.median(np.abs(np.log2(loudest / expected))) < 0.1  # a tenth of an octave
     assert centres[-1] == pytest.approx(seconds - found["start"], abs=0.01)
+
+
+def test_a_figure_of_any_signal_has_names_of_axes_and_a_few_times(node):
+    names, times = node(
+        {"draw": "axisName, ticks"},
+        "const names = [1, 3, 16].map((count) => axisName(count - 1, count));"
+        "return [names, [3, 1e13, given.none / 0, -1].map((seconds) => ticks(seconds, 10))];",
+        none=1,
+    )
+    assert names == ["", "Z", "16"]
+    usual, many, endless, negative = times
+    assert usual == [0, 0.5, 1, 1.5, 2, 2.5, 3]
+    assert len(many) == 10  # they were added up in steps of two minutes, for hours
+    assert endless == negative == []  # of a rate of 0 they never ended
+
+
+def test_signals_that_are_dropped_together_go_to_an_input_each(node):
+    found = node(
+        {"sense": "placed"},
+        "const made = (name, photo, recording = null) =>"
+        " ({ name, recording, takes: (file) => photo === file.endsWith('png') });"
+        "const names = (files, inputs) =>"
+        " placed(files, inputs).map(([, each]) => each?.name ?? null);"
+        "const all = [made('haptic', false), made('image', true), made('sound', false)];"
+        "const full = [made('haptic', false, 1), made('sound', false, 1)];"
+        "const half = [made('haptic', false, 1), made('sound', false)];"
+        "return [names(['a.wav', 'b.png', 'c.wav', 'd.wav'], all), names(['a.wav', 'c.wav'], full),"
+        " names(['a.wav'], half), names(['b.png'], full)];",
+    )
+    assert found == [
+        ["haptic", "image", "sound", "haptic"], ["haptic", "sound"], ["sound"], [None]
+    ]  # fmt: skip
+
+
+def test_photos_whose_greys_a_browser_darkens_are_known_by_their_beginning(node, tmp_path):
+    grey = np.arange(12, dtype=np.uint16).reshape(3, 4)
+    photos = {"deep": grey, "plain": grey.astype(np.uint8), "colours": np.zeros((3, 4, 3), "uint8")}
+    for name, pixels in photos.items():
+        Image.fromarray(pixels).save(tmp_path / f"{name}.png")
+    found = node(
+        {"decode": "isDeepGrey"},
+        BUFFER + "return given.paths.map((path) => isDeepGrey(new Uint8Array(load(path))));",
+        paths=[str(tmp_path / f"{name}.png") for name in photos],
+    )
+    assert found == [True, False, False]

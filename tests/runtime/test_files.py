@@ -137,7 +137,7 @@ def test_photos_that_are_none_are_refused(tmp_path):
     for name, message in {"words.png": "is in no known format", "no.png": "exist"}.items():
         with pytest.raises(UserError, match=message):
             decode(tmp_path / name, PHOTO)
-    with pytest.raises(UserError, match="The photo is too thin to be halved"):
+    with pytest.raises(UserError, match="The photo is too thin to be halved; use a larger one"):
         decode(np.zeros((1, 9), np.uint8), {**PHOTO, "half_scale": True})
     for wrong in (np.zeros((9, 9)), np.zeros((9, 9, 2), np.uint8), np.zeros((0, 9), np.uint8)):
         with pytest.raises(UserError, match="The photo"):

@@ -76,6 +76,7 @@ def test_names_of_files_steer_no_terminal_and_keep_their_letters(folder, exporte
         (["haptic=nowhere.wav"], "nowhere.wav does not exist"),
         (["haptic=nowhere/*.wav"], "no file of a known type"),
         (["haptic=a.wav", "rate=8000"], "does not look at rate"),
+        (["haptic=a.wav", "haptic=b.wav"], "each modality once"),
     ],
 )
 def test_mistakes_are_told_in_a_sentence(command, arguments, message):

@@ -1,6 +1,7 @@
 """The package's own predictions are the reference, field by field."""
 
 import json
+from copy import copy
 
 import numpy as np
 import onnx
@@ -145,3 +146,11 @@ def test_a_stream_predicts_what_its_samples_would(runtime, rate, window):
     assert labels[-1] is not None
     with pytest.raises(UserError, match="had 3 axes before"):
         stream.push(samples[0])
+
+
+def test_of_several_signals_the_one_that_is_too_short_is_named(runtime):
+    several, haptic = copy(runtime), runtime.senses["haptic"]
+    sound = {**haptic, "modality": "sound", "too_short": "The sound is too short."}
+    several.senses = {**runtime.senses, "sound": sound}
+    with pytest.raises(UserError, match=r"^The sound is too short\.$"):
+        several.predict(haptic=TRACE, image=PHOTO, sound=TRACE[:50])

@@ -1,6 +1,6 @@
 // Recordings from microphone and camera.
 
-import { toRgb } from "./decode.js";
+import { isDeepGrey, toRgb } from "./decode.js";
 import { InputError } from "./errors.js";
 
 const RAW = { echoCancellation: false, noiseSuppression: false, autoGainControl: false };
@@ -79,6 +79,9 @@ export async function openCamera(video) {
  * @returns {Promise<{pixels: Uint8Array, width: number, height: number}>}
  */
 export async function readPhoto(file, name) {
+  if (isDeepGrey(new Uint8Array(await file.slice(0, 26).arrayBuffer()))) {
+    throw new InputError(`${name} has greys of 16 bits, which browsers darken or round; save it with 8.`);
+  }
   const plain = { imageOrientation: "from-image", colorSpaceConversion: "none", premultiplyAlpha: "none" };
   const bitmap = await createImageBitmap(file, plain).catch(() => {
     throw new InputError(`${name} is in no image format that this browser reads; give JPEG or PNG.`);

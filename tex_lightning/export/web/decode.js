@@ -84,6 +84,12 @@ export function decodeSignal({ axes, rate }, sense) {
   return axes.map((axis) => resample(axis, rate ?? sense.file_rate, sense.rate));
 }
 
+/** Whether a file begins as a PNG of greys with 16 bits, of which only the package looks for white. */
+export function isDeepGrey(bytes) {
+  const png = [0x89, 80, 78, 71].every((each, i) => each === bytes[i]);
+  return png && bytes[24] === 16 && bytes[25] === 0; // depth and kind of colours
+}
+
 /**
  * Drop the fourth channel of pixels, as a canvas gives them.
  *

@@ -43,7 +43,7 @@ export function drawWaveform(canvas, { axes, rate, start }) {
   if (start !== null) context.fillRect(plot.x, 0, (plot.width * start) / seconds, plot.height);
   const lane = plot.height / each.length;
   each.forEach((samples, axis) => {
-    context.fillStyle = tints[axis];
+    context.fillStyle = tints[axis % tints.length];
     const middle = lane * (axis + 0.5);
     for (let x = 0; x < plot.width; x++) {
       const from = Math.floor((x / plot.width) * samples.length);
@@ -56,14 +56,19 @@ export function drawWaveform(canvas, { axes, rate, start }) {
   context.fillStyle = ink;
   context.textAlign = "right";
   each.forEach((_, axis) => {
-    const text = each.length > 1 ? "XYZ"[axis] : "";
-    context.fillText(text, MARGIN.left - 8, lane * (axis + 0.5) + 4);
+    context.fillText(axisName(axis, each.length), MARGIN.left - 8, lane * (axis + 0.5) + 4);
   });
   if (each.length === 1) {
     context.fillText(short(most), MARGIN.left - 6, 12);
     context.fillText(short(-most), MARGIN.left - 6, plot.height - 2);
   }
   timeAxis(context, plot, seconds, ink);
+}
+
+/** What stands beside an axis: nothing beside a single one, X, Y and Z beside three, else its number. */
+export function axisName(axis, count) {
+  if (count === 1) return "";
+  return count > 3 ? String(axis + 1) : "XYZ"[axis];
 }
 
 /**
@@ -167,15 +172,22 @@ function heat(value) {
 }
 
 function timeAxis(context, plot, seconds, ink) {
-  const step = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 60].find((each) => seconds / each <= plot.width / 60) ?? 120;
   context.fillStyle = ink;
   context.textAlign = "center";
-  for (let time = 0; time <= seconds; time += step) {
+  for (const time of ticks(seconds, plot.width / 60)) {
     const x = plot.x + (plot.width * time) / seconds;
     context.fillRect(x, plot.height, 1, 4);
     if (x > plot.x + plot.width - 14) context.textAlign = "right"; // the last one
     context.fillText(`${Number(time.toFixed(2))} s`, x, plot.height + 17);
   }
+}
+
+/** Round times of a signal, some ``most`` at most; none of one without an end, as at a rate of 0. */
+export function ticks(seconds, most) {
+  const steps = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 60];
+  const step = steps.find((each) => seconds / each <= most) ?? 120 * Math.ceil(seconds / most / 120);
+  const count = Number.isFinite(step) ? Math.floor(seconds / step) + 1 : 0;
+  return Array.from({ length: count }, (_, i) => i * step);
 }
 
 function bandTicks({ bands }) {

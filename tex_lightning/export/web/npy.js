@@ -5,8 +5,8 @@ import { InputError } from "./errors.js";
 const MAGIC = [0x93, 78, 85, 77, 80, 89]; // and "NUMPY"
 const TYPES = {
   f4: ["getFloat32", 4], f8: ["getFloat64", 8],
-  i1: ["getInt8", 1], i2: ["getInt16", 2], i4: ["getInt32", 4],
-  u1: ["getUint8", 1], u2: ["getUint16", 2], u4: ["getUint32", 4],
+  i1: ["getInt8", 1], i2: ["getInt16", 2], i4: ["getInt32", 4], i8: ["getBigInt64", 8],
+  u1: ["getUint8", 1], u2: ["getUint16", 2], u4: ["getUint32", 4], u8: ["getBigUint64", 8],
 }; // prettier-ignore
 
 /**
@@ -19,14 +19,14 @@ export function parseNpy(buffer) {
   const { type, columnMajor, shape, start } = readHeader(buffer);
   const [method, width] = TYPES[type.slice(1)] ?? [];
   if (method === undefined || ![1, 2].includes(shape.length)) {
-    throw new InputError(`it holds ${shape.length} dimensions of ${type} instead of numbers`);
+    throw new InputError(`it holds ${shape.length} dimensions of ${type}; save one or two of float32`);
   }
   const [rows, columns] = shape.length === 1 ? [1, shape[0]] : shape;
   if (buffer.byteLength - start < rows * columns * width) throw new InputError("it is truncated");
   const view = new DataView(buffer, start);
   const little = type[0] !== ">";
   const at = columnMajor ? (r, c) => c * rows + r : (r, c) => r * columns + c;
-  const value = (r, c) => view[method](at(r, c) * width, little);
+  const value = (r, c) => Number(view[method](at(r, c) * width, little));
   const make = (count, length, cell) =>
     Array.from({ length: count }, (_, k) => Float64Array.from({ length }, (_, i) => cell(k, i)));
   return rows <= columns

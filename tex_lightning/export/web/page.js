@@ -5,7 +5,7 @@ import { colours } from "./draw.js";
 import { Engine } from "./engine.js";
 import { InputError } from "./errors.js";
 import { SenseFigures } from "./figures.js";
-import { SenseInput } from "./sense.js";
+import { placed, SenseInput } from "./sense.js";
 
 const SHOWN = 5; // classes in the table
 const element = (id) => document.getElementById(id);
@@ -51,18 +51,18 @@ class Page {
     body.addEventListener("drop", (event) => {
       event.preventDefault();
       show(false);
-      for (const file of event.dataTransfer.files) this.#take(file);
+      this.#take([...event.dataTransfer.files]);
     });
     const draw = () => this.figures.forEach((each) => each.draw());
     window.addEventListener("resize", draw);
     window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
   }
 
-  #take(file) {
-    const able = this.inputs.filter((each) => each.takes(file));
-    const input = able.find((each) => each.recording === null) ?? able[0];
-    if (input) input.read(file);
-    else this.fail(new InputError(`The network takes no file such as ${file.name}.`));
+  #take(files) {
+    for (const [file, input] of placed(files, this.inputs)) {
+      if (input) input.read(file);
+      else this.fail(new InputError(`The network takes no file such as ${file.name}.`));
+    }
   }
 
   /** Classify what there is, and show it. */

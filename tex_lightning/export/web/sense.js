@@ -3,6 +3,21 @@
 import { canCapture, openCamera, readPhoto, recordSound } from "./capture.js";
 import { readSignal, SIGNAL_FILES } from "./decode.js";
 
+/**
+ * For each of the files that are dropped together the input that takes it: none takes two while
+ * another one is left, and what has no recording yet comes first.
+ */
+export function placed(files, inputs) {
+  const left = new Set(inputs);
+  return files.map((file) => {
+    const able = inputs.filter((each) => each.takes(file));
+    const free = able.filter((each) => left.has(each));
+    const input = free.find((each) => each.recording === null) ?? free[0] ?? able[0];
+    left.delete(input);
+    return [file, input];
+  });
+}
+
 /** The inputs of one modality. */
 export class SenseInput {
   recording = null;
