@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tex_lightning.config.data import SourceConfig
-from tex_lightning.data.decode import SignalDecoder, read_trace
+from tex_lightning.data.decode import RATE_TOLERANCE, SignalDecoder, read_trace
 from tex_lightning.errors import UserError, reason, shorten
 from tex_lightning_runtime.samples import check_samples
 from tex_lightning_runtime.traces import TRACE_SUFFIXES
@@ -197,10 +197,12 @@ def _open_serial(library: Any, port: str, baud: int) -> Iterator[Read]:  # noqa:
 
 def _recorded_file(path: Path, name: str, key: str, rate: int | None) -> Source:
     """Read a recording as ``task=predict`` does; its rate has to be known."""
-    unknown = SignalDecoder(file_rate=math.nan)
-    samples, source, _ = read_trace(path, unknown, rate)
+    given = math.nan if rate is None else rate
+    samples, source, _ = read_trace(path, SignalDecoder(file_rate=given))
     if math.isnan(source):
         raise _no_rate(name, key)
+    if abs(source - given) > RATE_TOLERANCE * source:  # not if none is given
+        raise UserError(f"{name} has {source:,.6g} Hz, and {key}.rate is {rate}; leave that out.")
     return Source(round(source), lambda: (piece for piece in [samples.astype("float32")]))
 
 
