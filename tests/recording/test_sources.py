@@ -100,7 +100,7 @@ def test_a_file_at_the_rate_of_its_header(tmp_path):
     source, samples = chunks(str(tmp_path / "a.wav"), settings(rate=None))
     assert source.rate == 2500
     np.testing.assert_array_equal(samples, SENT)
-    with pytest.raises(UserError, match="2,500 Hz, .* is 900; leave that out"):
+    with pytest.raises(UserError, match=r"2,500 Hz, .* is 900; leave that out"):
         open_source("haptic", str(tmp_path / "a.wav"), settings(rate=900))
 
 

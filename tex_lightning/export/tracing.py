@@ -3,7 +3,8 @@
 import logging
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr
+from io import StringIO
 
 import numpy as np
 import torch
@@ -121,6 +122,7 @@ def quiet() -> Iterator[None]:
         warnings.simplefilter("ignore")
         logging.disable(logging.WARNING)
         try:
-            yield
+            with redirect_stderr(StringIO()):  # to which they print the whole graph of what fails
+                yield
         finally:
             logging.disable(logging.NOTSET)
