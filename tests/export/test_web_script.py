@@ -311,3 +311,16 @@ def test_photos_whose_greys_a_browser_darkens_are_known_by_their_beginning(node,
         paths=[str(tmp_path / f"{name}.png") for name in photos],
     )
     assert found == [True, False, False]
+
+
+def test_a_network_that_does_not_say_what_it_needs_asks_for_a_longer_stroke(node):
+    decision = {"rule": "vote", "temperature": 1, "seed": 0}
+    sense = SENSE | {"least": None, "too_short": "Record a longer stroke."}
+    said = node(
+        {"classify": "classify"},
+        "const run = async () => { throw new Error('Invalid input shape: {5}'); };"
+        "const sample = { haptic: { axes: [new Float32Array(50).fill(1)], rate: 1000 } };"
+        "try { await classify(given.card, sample, run) } catch (error) { return error.message }",
+        card={"classes": ["a"], "senses": [sense], "decision": decision, "unknown": None},
+    )
+    assert said == "Record a longer stroke."

@@ -96,12 +96,9 @@ function explain(error, present) {
   if (/memory|alloc|out of bounds/i.test(detail)) {
     return new InputError("The browser has too little memory for it; give a smaller photo.");
   }
-  const signal = present.find((sense) => sense.medium === "signal" && sense.least);
+  const signal = present.find((sense) => sense.medium === "signal");
   if (signal === undefined || !/shape|dimension|kernel|size|range|index/i.test(detail)) return error;
-  return new InputError(
-    `The ${signal.what} has too little steady movement; the network needs ` +
-      `${(signal.least / signal.rate).toFixed(2)} s for one fragment. Record a longer stroke.`,
-  );
+  return new InputError(signal.too_short);
 }
 
 function seedOf(card, present, decoded) {
