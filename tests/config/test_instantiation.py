@@ -118,3 +118,9 @@ def test_what_the_packages_classes_refuse_and_what_is_not_there_stay_one_sentenc
         trust(target)
         with pytest.raises(UserError, match=rf"^model\.x fails: .*{said}.*; correct its _target_"):
             maker("model.x", {"_target_": target})
+
+
+def test_of_a_module_that_is_not_found_it_is_said_where_python_looks():
+    trust("nowhere_at_all.Net")
+    with pytest.raises(UserError, match=r"No module named 'nowhere_at_all'; .* or set PYTHONPATH"):
+        make("model.x", {"_target_": "nowhere_at_all.Net"})

@@ -115,7 +115,9 @@ def resolve(key: str, target: str) -> Any:  # noqa: ANN401
 
 
 def _not_there(key: str, error: Exception) -> UserError:
-    return UserError(f"{key} fails: {reason(error)}; correct its _target_ or arguments.")
+    lacks = isinstance(error, ModuleNotFoundError)
+    other = ", or set PYTHONPATH to the folder of its module" if lacks else " or arguments"
+    return UserError(f"{key} fails: {reason(error)}; correct its _target_{other}.")
 
 
 def _note(error: BaseException, said: str) -> None:
