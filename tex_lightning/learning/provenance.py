@@ -186,13 +186,15 @@ def refuse_leak(test: Recordings, card: Card, who: str, data: Folding) -> None:
             "their own. What to expect of it a cross-validation says."
         )
     theirs = {key: card.trained_on[key] for key in FOLD_KEYS if key in card.trained_on}
-    if all(getattr(data, key) == value for key, value in theirs.items()) and not data.test_where:
+    where = card.trained_on.get(WHERE)
+    divided = where or data.test_where  # by conditions
+    if not divided and all(getattr(data, key) == value for key, value in theirs.items()):
         raise UserError(
             f"{leak}they are copies of recordings in other folds: keep one of each, or give them "
             "one group, and train anew."
         )
     same = [f"data.{key}={json.dumps(value)}" for key, value in theirs.items()]
-    if (where := card.trained_on.get(WHERE)) or data.test_where:
+    if divided:
         same.append(as_override(where))
     raise UserError(f"{leak}set {' '.join(same)} as in its training, or train anew.")
 
