@@ -28,9 +28,11 @@ class UsualBands(nn.Module):
     Attributes:
         moments: Mean and deviation of each comparison of all axes together (2, channels); zeros
             where none was learnt, and then no band is empty.
+        depth: How far below its usual place a band is empty, in nepers (bands,).
     """
 
     moments: Tensor
+    depth: Tensor
 
     def __init__(self, sizes: Sequence[int], gap: int, *, levels: bool, apart: int) -> None:
         super().__init__()
@@ -40,12 +42,15 @@ class UsualBands(nn.Module):
         # channels of the highest band, compared with itself: if any band is empty, it is
         self.highest = [before + bands - 1, *(each + bands * (1 + axis) for axis in range(apart))]
         self.register_buffer("moments", torch.zeros(2, sum(self.sizes)))
+        self.register_buffer("depth", torch.zeros(bands), persistent=False)
         self.known = False
         loaded: Any = self.register_load_state_dict_post_hook  # it has no annotations
         loaded(UsualBands._note)
 
     def _note(self, *_: object) -> None:
         self.known = bool(self.moments.any())
+        least = SLOW_DEPTH if self.levels else LEAST_DEPTH
+        self.depth = (EMPTY * self.moments[1, : self.sizes[0]]).clamp_min(least)
 
     def learn(self, responses: Tensor | None) -> None:
         """Learn from comparisons (frames, channels) of the training; from None, know nothing."""
@@ -68,8 +73,7 @@ class UsualBands(nn.Module):
         """
         if not self.known:
             return logs, mean
-        usual, deviation = self.moments[:, : logs.shape[2]]
-        depth = (EMPTY * deviation).clamp_min(SLOW_DEPTH if self.levels else LEAST_DEPTH)
+        usual, depth = self.moments[0, : self.sizes[0]], self.depth
         about = mean - usual.mean()
         highest = logs[..., -1:] - usual[-1] - about
         if is_at_hand(logs) and bool((highest > -depth[-1]).all()):
@@ -93,7 +97,7 @@ class UsualBands(nn.Module):
         """
         if not self.known or torch.compiler.is_exporting() or not is_at_hand(responses):
             return self.known
-        return bool(responses[:, self.highest].isnan().any())
+        return any(bool(responses[:, place].isnan().any()) for place in self.highest)
 
     def fill(self, responses: Tensor, found: Tensor, kept: Tensor) -> tuple[Tensor, Tensor]:
         """Put what is usual in the place of empty bands.
