@@ -3,7 +3,7 @@
 import torch
 
 from tex_lightning.inference.live_rests import LiveRests
-from tex_lightning.senses.features.movement import block_length, left_out
+from tex_lightning.senses.features.movement import left_out
 
 RATE = 10_000
 
@@ -18,6 +18,6 @@ def test_rests_are_those_of_the_whole_where_the_level_is_known():
         settled, rest = rests.push(part, part[:, :0])
         parts.append(settled.left_out)
     found = torch.cat([*parts, rest.left_out])
-    assert torch.equal(found, left_out(samples, RATE, block_length(RATE)))
+    assert torch.equal(found, left_out(samples, RATE))
     assert 1.4 * RATE < int(found.sum()) < 1.7 * RATE
     assert found[32_000]

@@ -39,7 +39,7 @@ def test_the_highest_bands_are_empty_with_those_at_their_edge_and_leave_the_mean
     assert empty.tolist() == [0] * (BANDS - 3 - GAP) + [1] * (3 + GAP)
     assert (mean - before).square().mean().sqrt() < 0.2  # as noise in seven bands has it
     assert abs((mean - before).mean()) < 0.02
-    learnt.learn(None)
+    learnt.forget()
     assert torch.equal(learnt.without_empty(cut, before)[0], cut)
 
 

@@ -33,7 +33,7 @@ def make_onnx(classifier: SurfaceClassifier) -> Any:  # noqa: ANN401
     Raises:
         UserError: If PyTorch or ONNX has no form of what it consists of, or a package is missing.
     """
-    onnx, script = require("onnx"), require("onnxscript.optimizer")
+    onnx, script = require("onnx"), require("onnxscript").optimizer
     traced, inputs, outputs = trace(classifier)
     try:
         with quiet():

@@ -22,7 +22,6 @@ from tex_lightning.senses.features.movement import (
     SEARCH_SECONDS,
     SETTLING_SECONDS,
     STEADY_FACTOR,
-    block_length,
     left_out,
 )
 from tex_lightning.senses.features.proportions import BandProportions
@@ -78,14 +77,14 @@ def movement(trace: Tensor, start: Tensor, least: int) -> Tensor:
 
 def without_rests(trace: Tensor, sampling_rate: float, least: int) -> Tensor:
     """Return the samples (axes, samples) of the movement; at least ``least`` are promised."""
-    kept = (~left_out(trace, sampling_rate, block_length(sampling_rate))).nonzero()[:, 0]
+    kept = (~left_out(trace, sampling_rate)).nonzero()[:, 0]
     promise(kept.shape[0] >= least)
     return trace.index_select(1, kept)
 
 
 def before_last_rest(trace: Tensor, sampling_rate: float, least: int) -> Tensor:
     """Return a signal (axes, samples) without a rest or a knock at its end likewise."""
-    moving = ~left_out(trace, sampling_rate, block_length(sampling_rate))
+    moving = ~left_out(trace, sampling_rate)
     end: Any = (moving * torch.arange(1, trace.shape[-1] + 1)).amax(dim=0).item()
     promise(end >= least)
     promise(end <= trace.shape[-1])

@@ -52,13 +52,15 @@ class UsualBands(nn.Module):
         least = SLOW_DEPTH if self.levels else LEAST_DEPTH
         self.depth = (EMPTY * self.moments[1, : self.sizes[0]]).clamp_min(least)
 
-    def learn(self, responses: Tensor | None) -> None:
-        """Learn from comparisons (frames, channels) of the training; from None, know nothing."""
-        if responses is None:
-            self.moments.zero_()
-        else:
-            joint = responses[:, : sum(self.sizes)]
-            self.moments.copy_(torch.stack([joint.mean(dim=0), joint.std(dim=0, correction=0)]))
+    def forget(self) -> None:
+        """Take no band for empty."""
+        self.moments.zero_()
+        self._note()
+
+    def learn(self, responses: Tensor) -> None:
+        """Learn from comparisons (frames, channels) of the training."""
+        joint = responses[:, : sum(self.sizes)]
+        self.moments.copy_(torch.stack([joint.mean(dim=0), joint.std(dim=0, correction=0)]))
         self._note()
 
     def without_empty(self, logs: Tensor, mean: Tensor) -> tuple[Tensor, Tensor]:

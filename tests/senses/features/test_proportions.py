@@ -300,7 +300,7 @@ def test_what_is_empty_counts_as_it_usually_is(levels):
     for each in (features, unaware):
         each.learn(traces)
     for window in unaware.windows:
-        window.usual.learn(None)
+        window.usual.forget()
     halved = resample_poly(traces[0].double().numpy(), 1, 2, axis=1)
     lower = torch.from_numpy(resample_poly(halved, 2, 1, axis=1)).float()
     differences = {}

@@ -59,15 +59,16 @@ def block_length(sampling_rate: float) -> int:
     return max(MIN_BLOCK, few, int(BLOCK_SECONDS * sampling_rate))
 
 
-def left_out(trace: Tensor, sampling_rate: float, length: int) -> Tensor:
+def left_out(trace: Tensor, sampling_rate: float) -> Tensor:
     """Return which samples (samples,) of a signal (axes, samples) belong to a rest or a knock.
 
     It can be traced for export; arguments are those of :func:`left_out_blocks`.
     """
-    return of_samples(left_out_blocks(trace, sampling_rate, length), trace.shape[-1], length)
+    out = left_out_blocks(trace, sampling_rate)
+    return of_samples(out, trace.shape[-1], block_length(sampling_rate))
 
 
-def left_out_blocks(trace: Tensor, sampling_rate: float, length: int) -> Tensor:
+def left_out_blocks(trace: Tensor, sampling_rate: float) -> Tensor:
     """Return which blocks (blocks,) of a signal belong to a rest, or are a knock.
 
     A rest is at least 0.4 s of blocks whose power without their mean is far below that of the loud
@@ -77,8 +78,8 @@ def left_out_blocks(trace: Tensor, sampling_rate: float, length: int) -> Tensor:
     Args:
         trace: (axes, samples), at least one block long.
         sampling_rate: Sampling rate in Hz.
-        length: Samples of a block.
     """
+    length = block_length(sampling_rate)
     power = block_power(trace, length)
     limits = power_limits(power.sort().values)
     return rests_and_knocks(power, *limits, run_length(sampling_rate, length))
@@ -158,7 +159,7 @@ def moving(trace: Tensor, sampling_rate: float, *, pieces: bool = True) -> Tenso
     length = block_length(sampling_rate)
     if trace.shape[-1] < length:
         return trace
-    out = left_out_blocks(trace, sampling_rate, length)
+    out = left_out_blocks(trace, sampling_rate)
     if not bool(out.any()):
         return trace
     kept = (~of_samples(out, trace.shape[-1], length)).nonzero()[:, 0]

@@ -212,7 +212,7 @@ class BandProportions(nn.Module):
         """
         traces = traces[:: math.ceil(len(traces) / MAX_RECORDINGS)]
         for window in self.windows:
-            window.usual.learn(None)
+            window.usual.forget()
         held, counts = self._held(traces)
         lengths = torch.tensor([window.length for window in self.windows])
         least = WINDOWS_IN_SLOW if self.levels else WINDOWS_IN_RECORDING
