@@ -40,6 +40,13 @@ def drift(trace: Array, times: float, scene: Scene) -> Array:
     return trace + times * deviation(trace) * np.linspace(0, 1, trace.shape[1])
 
 
+def tilt(trace: Array, times: float, scene: Scene) -> Array:
+    """Add a sway of 0.3 to 1.5 Hz of so many deviations: gravity, as a tool in a hand tilts."""
+    cycles = scene.rng.uniform(0.3, 1.5) * np.arange(trace.shape[1]) / scene.rate
+    strength = times * 2**0.5 * deviation(trace)
+    return trace + strength * np.sin(2 * np.pi * (cycles + scene.rng.random()))
+
+
 def flat(trace: Array, value: None, scene: Scene) -> Array:
     """Hold the first sample: the cable came off."""
     return np.broadcast_to(trace[:, :1], trace.shape).copy()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from scipy.signal import ShortTimeFFT
+from scipy.signal import ShortTimeFFT, detrend
 from scipy.signal.windows import hann
 
 from tex_lightning.senses.octave_bands import FLOOR, OctaveBands, octave_filters
@@ -23,14 +23,18 @@ def test_bands_are_means_over_channels_from_one_period_to_half_the_rate(rate, se
     assert rate / 2 / 2**0.5 < centres[-1] <= rate / 2
 
 
-def test_responses_compare_the_logarithms_of_scipys_spectrum():
+@pytest.mark.parametrize("trend", ["constant", "linear"])
+def test_responses_compare_the_logarithms_of_scipys_spectrum(trend):
     length, hop = 128, 32
     bands = OctaveBands(2000.0, length, 4, thresholds=8, levels=False, apart=0)
+    bands.detrends = trend == "linear"
     trace = torch.randn(1, 2000, generator=torch.Generator().manual_seed(0))
+    trace += 20 * torch.sin(torch.arange(2000) / 300)  # most of it is trend
     transform = ShortTimeFFT(hann(length), hop, fs=2000.0)
     signal = trace[0].double().numpy()
     frames = np.lib.stride_tricks.sliding_window_view(signal, length)[::hop]
-    spectra = np.stack([np.fft.rfft((frame - frame.mean()) * transform.win) for frame in frames])
+    frames = detrend(frames, type=trend)
+    spectra = np.fft.rfft(frames * transform.win)
     power = np.abs(spectra) ** 2 @ octave_filters(2000.0, length, 4).double().numpy().T
     power /= transform.win.sum() ** 2
     logs = np.log(power + FLOOR * power.mean(axis=1, keepdims=True))

@@ -18,6 +18,7 @@ MARGIN = 4.0  # over the root of the rows: of few the largest length says little
 ROWS = 1000  # that are measured at once
 APART = 6.0  # deviations of strength, over the root of the rows, beyond the weakest and strongest
 SUFFICES = 0.75  # of the left-out rows that are right with levels, for scores without
+CHANCE = 0.25  # of the root of that number may be missing: about half a standard error
 BEYOND = 1.5  # times the share of features that chance takes out of the range of the training
 ROUNDING = 1e-5  # of a mean: proportions of 0 and 1 are the range's ends, and no more outside of it
 SHORT, GAINLESS = "short", "gainless"  # names of the scores of other recordings
@@ -237,8 +238,8 @@ class GainlessLine(FittedLater):
             share: Of each feature in the length of a row (D,).
         """
         self.take(None)
-        right = other.tried.right if other else 0
-        if other is None or not right or right < SUFFICES * usual.tried.right:
+        right, with_levels = other.tried.right if other else 0, usual.tried.right
+        if other is None or not right or right < SUFFICES * with_levels - CHANCE * with_levels**0.5:
             return
         levels = len(usual.whitening)
         before, last = len(share) - levels, max(1, levels // 2)

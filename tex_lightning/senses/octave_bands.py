@@ -41,6 +41,7 @@ class OctaveBands(nn.Module):
         apart: Number of axes whose bands also count one by one.
 
     Attributes:
+        detrends: Whether frames lose their linear trend as well as their mean.
         hop: Samples between the starts of frames.
         sizes: Number of bands in each comparison.
         blocks: Kind and number of features of each block, in their order.
@@ -48,7 +49,9 @@ class OctaveBands(nn.Module):
         thresholds: (thresholds, channels).
     """
 
+    detrends = False
     window: Tensor
+    slope: Tensor
     filters: Tensor
     thresholds: Tensor
 
@@ -73,7 +76,10 @@ class OctaveBands(nn.Module):
         self.ranges = [(part, _reach(filters[part])) for part in parts]
         channels = sum(self.sizes) * (1 + apart)
         window = torch.hann_window(length, periodic=False)
+        slope = torch.linspace(-1, 1, length, dtype=torch.float64)
+        slope = (slope / slope.norm()).to(window.dtype)
         self.register_buffer("window", window, persistent=False)
+        self.register_buffer("slope", slope, persistent=False)
         self.register_buffer("filters", filters.T.contiguous(), persistent=False)
         self.register_buffer("thresholds", torch.zeros(thresholds, channels))
         self.usual = UsualBands(self.sizes, self.gap, levels=levels, apart=apart)
@@ -114,8 +120,10 @@ class OctaveBands(nn.Module):
         """
         before = max(0, first - OVERLAP)  # frames that the first ones are compared with
         frames = movement.unfold(-1, self.length, self.hop)[:, before:last]
-        frames = (frames - frames.mean(dim=-1, keepdim=True)).mul_(self.window)
-        squares = torch.view_as_real(torch.fft.rfft(frames)).square_()
+        frames = frames - frames.mean(dim=-1, keepdim=True)
+        if self.detrends:
+            frames.addcmul_((frames @ self.slope)[..., None], self.slope, value=-1)
+        squares = torch.view_as_real(torch.fft.rfft(frames.mul_(self.window))).square_()
         power = squares[..., 0] + squares[..., 1]
         power = power if self.apart else joined(power)
         sums = [

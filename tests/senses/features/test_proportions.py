@@ -84,6 +84,7 @@ def test_an_axis_by_itself_is_compared_as_the_only_one_of_a_signal():
     both, single = make(levels=2), make()
     trace = noise(3, axes=2)
     both.learn([trace])
+    single.windows[0].detrends = True  # as those of accelerations
     single.level.copy_(both.level)
     bands = single.windows[0].sizes[0]
     every = both.windows[0].responses(trace, both.level)
@@ -105,6 +106,25 @@ def test_neither_strength_nor_offset_nor_polarity_counts():
     slow.learn([noise(4), noise(4, seed=1)])
     power = of_kind(slow, "power")
     assert (slow(5 * trace) - slow(trace))[:, :, power].mean() > 0.1  # louder
+
+
+@pytest.mark.parametrize("levels", [None, 1])
+def test_a_tool_that_tilts_changes_little_and_the_trend_of_a_pressure_counts(levels):
+    traces = [noise(4, seed=seed).cumsum(dim=1) / 5 + noise(4, seed=9 + seed) for seed in range(3)]
+    tilt = 10 * torch.sin(torch.arange(8000) / 1500)  # 0.2 Hz
+    changes = {}
+    for offset in (0, 1000):
+        features = make(levels=levels)
+        features.learn([trace + offset for trace in traces])
+        change = features(traces[0] + offset + tilt) - features(traces[0] + offset)
+        changes[offset] = float(change[0, 0, of_kind(features, "shape")].abs().mean())
+    assert changes[0] < 0.03
+    assert changes[1000] > (2 * changes[0] if levels else 0)
+    older = make(levels=levels)  # of a checkpoint of before
+    older.load_state_dict({k: v for k, v in features.state_dict().items() if k != "detrends"})
+    assert not older.windows[0].detrends
+    older.load_state_dict(features.state_dict())
+    assert older.windows[0].detrends == (levels is None)
 
 
 @pytest.mark.parametrize("sign", [1, -1])

@@ -46,7 +46,9 @@ class BandProportions(nn.Module):
     window up to half the rate. Axes are joined by adding their power. A band is compared with
     thresholds in three ways, each a block of features of the kind ``shape``: with the mean of its
     frame, with the band a third of an octave below, and with itself one window earlier, so that
-    neither the strength of a stroke nor the sensor's gain matters.
+    neither the strength of a stroke nor the sensor's gain matters. Frames lose their linear trend,
+    since a tool in a hand tilts and gravity turns with it; but not where all channels are always
+    positive, as of a pressure, whose trend is the stroke.
 
     Thresholds are quantiles over the training set, without labels. Beyond the outer ones a
     proportion is 0 or 1, so the means of the first two comparisons are features as well, of the
@@ -93,6 +95,7 @@ class BandProportions(nn.Module):
     fits: Tensor
     positive: Tensor
     deviation: Tensor
+    detrends: Tensor
 
     def __init__(
         self,
@@ -133,9 +136,10 @@ class BandProportions(nn.Module):
         self.register_buffer("fits", torch.zeros(len(self.windows), dtype=torch.bool))
         self.register_buffer("positive", torch.zeros(self.levels, dtype=torch.bool))
         self.register_buffer("deviation", torch.ones(self.levels))
-        self._note_windows()
+        self.register_buffer("detrends", torch.zeros((), dtype=torch.bool))
+        self._note_learnt()
         loaded: Any = self.register_load_state_dict_post_hook  # it has no annotations
-        loaded(BandProportions._note_windows)
+        loaded(BandProportions._note_learnt)
 
     def _add_window(self, seconds: float, per_octave: int, thresholds: int) -> None:
         """Add the bands of a window, if it has enough samples; long ones take too much memory."""
@@ -156,11 +160,13 @@ class BandProportions(nn.Module):
             bins += [first + band for band in window.bins]
         return bins
 
-    def _note_windows(self, *_: object) -> None:
-        """Note the windows that are used, also after weights were loaded."""
+    def _note_learnt(self, *_: object) -> None:
+        """Note the windows that are used, and what they do, also after weights were loaded."""
         shortest = min(self.windows, key=lambda window: window.length)
         fits = zip(self.windows, self.fits.tolist(), strict=True)
         self.used = [window for window, fit in fits if fit or window is shortest]
+        for window in self.used:
+            window.detrends = bool(self.detrends)
 
     @property
     def longest(self) -> OctaveBands:
@@ -217,7 +223,7 @@ class BandProportions(nn.Module):
         lengths = torch.tensor([window.length for window in self.windows])
         least = WINDOWS_IN_SLOW if self.levels else WINDOWS_IN_RECORDING
         self.fits.copy_(lengths * least <= statistics.median(counts))
-        self._note_windows()
+        self._note_learnt()
 
         def movements() -> Iterator[Tensor]:
             others = map(self.movement, traces[len(held) :])
@@ -226,11 +232,13 @@ class BandProportions(nn.Module):
         powers = [movement.var(dim=-1, correction=0).sum() for movement in movements()]
         level = torch.stack(powers).mean()
         self.level.copy_(level if level > 0 else torch.ones_like(level))
+        if self.levels:
+            self._learn_levels(movements)
+        self.detrends.fill_(not (self.levels and self.positive.all()))
+        self._note_learnt()
         kept = MAX_FRAMES // len(counts)
         for window in self.used:
             window.learn(torch.cat([window.thinned(x, self.level, kept) for x in movements()]))
-        if self.levels:
-            self._learn_levels(movements)
 
     def _held(self, traces: Sequence[Tensor]) -> tuple[list[Tensor], list[int]]:
         """Return the movement of the first traces, and the samples of that of all."""
@@ -243,7 +251,7 @@ class BandProportions(nn.Module):
         return held, counts
 
     def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *rest: Any) -> None:  # noqa: ANN401
-        """Load a state; checkpoints of before number buffers, and may know no usual bands."""
+        """Load a state; older checkpoints number buffers, know no usual bands or trends."""
         for number, window in enumerate(self.windows):
             for name, value in window.named_buffers():
                 new, old = f"{prefix}windows.{number}.{name}", f"{prefix}{name}{number}"
@@ -252,6 +260,7 @@ class BandProportions(nn.Module):
                 elif name == "usual.moments":
                     usual = state.pop(f"{prefix}windows.{number}.usual", value.new_zeros(2, 1))
                     state.setdefault(new, window.usual.of_older(usual))
+        state.setdefault(f"{prefix}detrends", torch.zeros((), dtype=torch.bool))
         super()._load_from_state_dict(state, prefix, *rest)
 
     def _learn_levels(self, movements: Callable[[], Iterator[Tensor]]) -> None:
