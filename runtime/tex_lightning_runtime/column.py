@@ -146,7 +146,10 @@ class Column:
         """Return why it is no axis; "" if it is one."""
         words = {*self.words} if self.named else set()
         if self.named and UNNAMED.fullmatch(self.name.casefold()) and self.first:
-            return "index"
+            ordered = self.is_text or self._is_whole() or self.values.is_monotonic_increasing
+            return "index" if ordered else ""
+        if "hex" in self.units:
+            return "hexadecimal"
         if words & IDS:
             return "id"
         if words & {"label", "labels"}:
@@ -159,7 +162,7 @@ class Column:
             return ""
         if "dt" in words or (words & STEPS and len(words) > 1 and words <= OF_TIME | STEPS | {"s"}):
             return "steps of time"
-        if words & DATES and words <= {*DATES, "gps", "of"} and self._is_whole():
+        if words & DATES and words <= {*DATES, *OF_TIME, "gps", "of"} and self._is_whole():
             return "date"
         few, states = max(1, len(self.values) // 10), words and words <= STATES
         if (states or words & FLAGS) and self._is_whole() and self.values.nunique() <= few:

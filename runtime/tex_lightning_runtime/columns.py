@@ -11,7 +11,16 @@ import numpy as np
 
 from tex_lightning_runtime.column import IDS, MIN_RISING, SENSORS, SLOW, TIMES, Column, missing
 from tex_lightning_runtime.samples import Array, Channels
-from tex_lightning_runtime.times import EVEN, NOMINAL, TURNS, UNITS, Even, TableError, even_samples
+from tex_lightning_runtime.times import (
+    EVEN,
+    MIN_STAMPS,
+    NOMINAL,
+    TURNS,
+    UNITS,
+    Even,
+    TableError,
+    even_samples,
+)
 
 IDLE, LIVELY = 0.75, 0.5  # shares of samples that equal the one before: of states, of signals
 
@@ -165,7 +174,7 @@ def _time(
     """Return the column of time, its seconds, and further ones; the finest is taken.
 
     Where a rate stands above the table, the first numbers that rise by its period are times, and
-    times without a unit are not needed.
+    times without a unit, or of few different stamps, are not needed.
     """
     broken = [c for c in columns if c.is_text and not c.is_stamp and TIMES & {*c.words}]
     failed = [column.no_times() for column in broken]
@@ -177,6 +186,9 @@ def _time(
             seconds[column] = parts[column] if column in parts else column.seconds(time_unit)
         except TableError as error:
             failed.append(error)
+    if rate:
+        rises = {column: np.count_nonzero(np.diff(times)) for column, times in seconds.items()}
+        seconds = {c: times for c, times in seconds.items() if rises[c] >= MIN_STAMPS - 1}
     if seconds:
         time = min(seconds, key=lambda column: _unevenness(seconds[column]))
         _check_agreement(seconds, time)

@@ -17,25 +17,31 @@ ROUND = 25  # Hz, of which a rate that nothing calls so is a multiple
 COMMENT = re.compile(r"^[ \t]*(?:#|%|//)[#%/ \t]*")
 AMOUNT = r"[\"']?[ \t:=,;]+[\"']?\+?(?P<value>\.?\d[\d.,]*(?:e[-+]?\d+)?)[\"']?[ \t,;(]*"
 SAMPLING = r"(?:samp\w*|update|output(?:[ _-]data)?|acquisition|meas\w*|scan|log\w*)"
-HERTZ = "k?hz|ks/s|k?sps|s/s"
+HERTZ = "k?hz|ks/s|k?sps|s/s|fps"
+IN_HERTZ = rf"(?=\W*\d[\d.,]* *(?:{HERTZ}))"
+OF_UNIT = rf"(?:(?:[ ]*[(\[]|_(?=k?hz))(?P<before>\w+/?\w*)[)\]]?)?{AMOUNT}(?P<unit>{HERTZ})?"
 RATE = re.compile(
-    rf"(?:\bfs|\bodr|(?<!max[ .])(?<!imum )\b{SAMPLING}[ _-]?(?:rate|freq\w*)"
+    rf"(?:\bf_?s|\bodr|(?<!max[ .])(?<!imum )\b{SAMPLING}[ _-]?(?:rate|freq\w*)"
     r"|\b(?:abtast|mess)(?:rate|frequenz)|^\W*(?:rate|frequency)|\bsamples[ _]?(?:per |/)s\w*"
     r"|fr[eé][cq]u\w*\W+\w+\W+(?:échantillonnage|muestreo|campionamento|amostragem)"
-    rf"|\b(?:samples|sampled|recorded|logged) at(?= *[\d.,]+ *(?:{HERTZ})))"
-    rf"(?:(?:[ ]*[(\[]|_(?=k?hz))(?P<before>\w+/?\w*)[)\]]?)?{AMOUNT}(?P<unit>{HERTZ})?",
+    rf"|\b(?:samples|sampled|recorded|logged) at{IN_HERTZ}){OF_UNIT}",
     re.IGNORECASE,
 )
+OTHER_RATE = re.compile(  # which may be that of a camera or a radio beside the sensor
+    rf"\b(?:sampling|(?:data|daq|frame|capture) ?rate){IN_HERTZ}{OF_UNIT}", re.IGNORECASE
+)
 PERIOD = re.compile(
-    rf"(?:\bsampl\w*[ _-]?(?:period|time)|\b{SAMPLING}[ _-]?interval|\bdelta[ _]?[xt]|\bdt"
+    rf"(?:\bsampl\w*[ _-]?(?:period|time)|\b{SAMPLING}[ _-]?interval|(?:\bdelta[ _]?|[Δ∆])[xt]|\bdt"
     r"|\babtast(?:intervall|zeit|periode)|\bperiod(?=_)|\bts(?= *=)|^\W*in(?:crement|terval)"
     r"|\b(?:[hxt]_?|x-axis |time |waveform )(?:inc\w*|delta|interval|step|resolution))"
-    rf"(?:(?:[ ]*[(\[]|_(?=[mun]?s\b))(?P<before>[µμ\w]+)[)\]]?)?{AMOUNT}(?P<unit>[mµμun]?s\b)?",
+    rf"(?:(?:[ ]*[(\[]|_(?=[mun]?s\b))(?P<before>[µμ\w]+)[)\]]?)?{AMOUNT}"
+    rf"(?P<unit>(?:µs|{'|'.join(UNITS)})\b)?",
     re.IGNORECASE,
 )
 SAMPLES = re.compile(r"\b(?:npts|samples|points)[\"' \t:=,;]+(\d+)\b|\b(\d+) samples\b", re.I)
 UNIT = re.compile(  # in a row of units
-    r"[(\[].*[)\]]|[mµμukM]?(V|A|g|N|Pa|Hz|T|G|W|K|s|m|ohm)|[cm]m|ns|[Ss]ec|min|%|-|raw|a\.?u\.?|volts?"
+    r"[(\[].*[)\]]|[mµμukM]?(V|A|g|N([·*⋅. ]?[cm]?m)?|Pa|Hz|T|G|W|K|s|m|ohm)|[cm]m|ns|[Ss]ec|min"
+    r"|%|-|raw|a\.?u\.?|volts?"
     r"|°\w*|((µ|μ|u|m|k|c)?(m|g|rad|deg|°)|dps|rpm|counts?|lsb|bits?|adc|digits?|[Ss]econds?)"
     r"([/*]s(ec)?(\^?-?2|²|/s)?)?|[Ss]equence|Volts?|gauss|tesla",
 )
@@ -242,7 +248,8 @@ def rate_doubts(
 def stated_rate(lines: Sequence[str]) -> float | None:
     """Return the rate in Hz that lines state, if they do; a period may be that of the whole."""
     return next(
-        filter(None, (_stated(how, each) for how in (RATE, PERIOD) for each in lines)), None
+        filter(None, (_stated(how, each) for how in (RATE, PERIOD, OTHER_RATE) for each in lines)),
+        None,
     )
 
 
@@ -254,6 +261,8 @@ def _stated(how: re.Pattern[str], line: str) -> float | None:
         return None
     unit = (found["unit"] or found["before"] or "").replace("µ", "μ").casefold()
     if how is PERIOD:
+        if not unit and re.match(r" ?[^\W\d_]", line[found.end("value") :]):
+            return None  # delta x: 0.1 mm
         return 1 / (value * seconds) if (seconds := UNITS.get(unit or "s")) else None
     if FULL_SCALE.fullmatch(unit or re.findall(r"^\w*", line[found.end() :])[0]):
         return None  # FS: 4 g

@@ -3,7 +3,8 @@
 import re
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from tex_lightning_runtime.cells import (
     MISSING,
@@ -17,6 +18,7 @@ from tex_lightning_runtime.cells import (
 from tex_lightning_runtime.heading import (
     COMMENT,
     FACTOR,
+    FOOTER,
     SAMPLES,
     UNIT,
     is_beginning,
@@ -81,13 +83,18 @@ def find_layout(content: bytes) -> tuple[bytes, Layout]:
     width = Counter(map(len, rows)).most_common(1)[0][0]
     columns = Kinds([row for row in rows if len(row) == width])
     head = content[:HEAD].decode(errors="replace").split("\n")
-    start = _first_row(columns, dialect, head)
+    first = _first_row(columns, dialect, head)
+    start = _below_titles(columns, dialect, head, first)
     if "number" not in columns.kinds or start == len(head):
         raise TableError("holds no numbers in columns; give one sample a line")
     if _undivided(columns, head, start, dialect.separator):
         dialect = Dialect(NO_SEPARATOR, dialect.quote)
         columns = Kinds([dialect.cells(line) for line in lines])
-    return _with_heading(content, dialect, columns, head, start, names)
+    content, layout = _with_heading(content, dialect, columns, head, start, names)
+    if start > first:
+        told = f"the numbers above {head[start - 1].strip()[:40]!r} are left out"
+        layout = replace(layout, notes=(told, *layout.notes))
+    return content, layout
 
 
 def _first_row(columns: Kinds, dialect: Dialect, head: list[str]) -> int:
@@ -105,6 +112,20 @@ def _first_row(columns: Kinds, dialect: Dialect, head: list[str]) -> int:
         elif cells:
             blank = len(head)
     return blank
+
+
+def _below_titles(columns: Kinds, dialect: Dialect, head: list[str], first: int) -> int:
+    """Return the place of the first row below names or a title that few rows stand above.
+
+    Those are results, or settings.
+    """
+    for number in range(min(first + FOOTER, len(head) - 1), first, -1):
+        cells = [cell for cell in dialect.cells(head[number]) if cell]
+        titles = len(cells) == columns.count > 1 or (len(cells) == 1 and cells[0].endswith(":"))
+        if titles and {*map(kind, cells)} == {"text"} and not COMMENT.match(head[number]):
+            start = number + 1 + _first_row(columns, dialect, head[number + 1 :])
+            return start if start < len(head) else first
+    return first
 
 
 def _undecorated(content: bytes, given: str | None) -> tuple[bytes, list[str], Dialect]:
@@ -205,7 +226,8 @@ def _with_heading(
     above = with_statements(above, dialect, columns.count)
     heading, rate = ([names], None) if names else read_heading(above, dialect, columns, notes)
     left = head[start : start + SAMPLE] if columns.empty else []  # of the numbers
-    rate = rate or stated_rate([*above, *left])
+    below_titles = (f"{a} {b}" for a, b in pairwise(above) if a.rstrip().endswith(":"))
+    rate = rate or stated_rate([*above, *left, *below_titles])
     if factor := next((line.strip() for line in above if FACTOR.fullmatch(line.strip())), ""):
         raise TableError(f"has numbers that {factor!r} is to multiply; write them in full")
     count = SAMPLES.search("\n".join(above))

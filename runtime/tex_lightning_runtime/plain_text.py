@@ -32,9 +32,9 @@ COMMENT = re.compile(  # and none of #N/A, #DIV/0!, #VALUE!, which a sheet has i
 )
 BROKEN = re.compile(rb'(?<![^\n,;\t])"([^"\n]{0,80}(?:\n[^"\n]{0,80}){1,3})"(?=[,;\t\n])')  # names
 PLAIN = {"\u2212": b"-", **dict.fromkeys("\u200b\u200e\ufeff", b"")}  # which have no width
-ARROW = re.compile(  # of monitors of serial ports: 10:00:00.001 -> 0.1
+ARROW = re.compile(  # of monitors of serial ports: 10:00:00.001 -> 0.1, or a tab before 0.1,0.2
     rb"(?m)^[ \t]*\[?((?:[\d./-]+[ T])?\d{1,2}:\d\d:\d\d(?:[.,:]\d+)?)"
-    rb"(?:\][ \t]*(?:->)?|[ \t]*[-=]?>)[ \t]*"
+    rb"(?:\][ \t]*(?:->)?|[ \t]*[-=]?>|\t(?=[-+]?\d*\.\d+,[-+]?\d*\.\d))[ \t]*"
 )
 PAIR = re.compile(  # name:number or name=number, as plotters of serial ports read them
     rb"(?m)(?:^|(?<=[\s,;|{]))[\"']?((?:[A-Za-z]\w* )?[A-Za-z_\x80-\xff][\w.\x80-\xff/()^-]*)"

@@ -22,6 +22,7 @@ UNITS: dict[str, float] = {  # in seconds
     **dict.fromkeys(("microsecond", "microseconds", "mikrosekunden"), 1e-6),
     **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanosec", "nanosecs"), 1e-9),
     **dict.fromkeys(("nanosecond", "nanoseconds"), 1e-9),
+    **{"milli": 1e-3, "micro": 1e-6, "nano": 1e-9},
     **dict.fromkeys(("min", "mins", "minute", "minutes", "minuten"), 60.0),
     **dict.fromkeys(("h", "hr", "hrs", "hour", "hours"), 3600.0),
     **dict.fromkeys(("d", "day", "days"), 86_400.0),
@@ -179,6 +180,8 @@ def even_samples(times: Array, samples: Array) -> Even:
         )
     if not (steps > 0).all():
         return _repeated(times, samples)
+    if rate := _rounded_rate(times, steps):
+        return Even(samples, rate)
     gaps = steps > GAP * np.median(steps)
     step = float(steps[~gaps].mean())
     count = round(float(times[-1] - times[0]) / step) + 1
@@ -197,6 +200,21 @@ def even_samples(times: Array, samples: Array) -> Even:
         grid = times[0] + np.arange(count) * step
         samples = np.stack([np.interp(grid, times, axis) for axis in samples])
     return Even(samples, 1 / step, "", notes)
+
+
+def _rounded_rate(times: Array, steps: Array) -> float | None:
+    """Return the rate of even times that are rounded, so that two steps occur; None if they differ.
+
+    Both steps are multiples of what the times are rounded to, by which they differ. A double step
+    that is seldom is one of a sample that is missing.
+    """
+    low, high = float(steps.min()), float(steps.max())
+    unit, close = high - low, EVEN * high
+    two = unit > close and bool((np.minimum(steps - low, high - steps) < close).all())
+    if not two or (unit > low / 2 and (steps > low + close).mean() < SELDOM):
+        return None
+    drift, step = _line(np.arange(len(times)), times)
+    return 1 / step if abs(low - unit * round(low / unit)) < close and drift < unit else None
 
 
 def _line(places: Array, times: Array) -> tuple[float, float]:

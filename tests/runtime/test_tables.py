@@ -220,6 +220,9 @@ READ = {
         table(clock("%H:%M:%S,%f"), *XYZ, mark=";", comma=True, names="Uhrzeit;x;y;z\n"), RATE
     ),
     "clock, colon": (table(clock("%H:%M:%S:%f"), *XYZ, names="time,x,y,z\n"), RATE),
+    "clock, a tab before commas": (
+        table([f"{t}\t{x}" for t, x in zip(clock("%H:%M:%S.%f"), X, strict=True)], Y, Z), RATE
+    ),
     "clock, PM": (table(clock("%I:%M:%S.%f %p"), *XYZ, names="time,x,y,z\n"), RATE),
     "minutes of Excel": (table([f"00:0{t:.4f}" for t in TIMES], *XYZ, names="Time,x,y,z\n"), RATE),
     "dd.mm.yy": (
@@ -305,7 +308,21 @@ READ = {
     "a unit within the name of the rate": ("# sensor=A fs_hz=2000 range_g=8\n" + table(*XYZ), RATE),
     "a unit within the name of the period": ("# period_us=500\n" + table(*XYZ), RATE),
     "full scale, which is no rate": ("FS: 100 g\nSampling rate: 2000 Hz\n" + table(*XYZ), RATE),
+    "even times that are rounded": (
+        table(column(np.array(NUMBERS) * 5 // 2, "{}"), *XYZ, names="time_ms,x,y,z\n"), 400
+    ),
+    "date in parts of one name": (
+        table(clock("%f000"), *(clock(f) for f in ("%Y", "%m", "%d", "%H", "%M", "%S")), *XYZ,
+              names="UTC_Nano,UTC_Year,UTC_Month,UTC_Day,UTC_Hour,UTC_Minute,UTC_Second,x,y,z\n"),
+        RATE
+    ),
+    "one stamp beside a stated rate": (
+        "Sample Rate: 2000\n" + table(*XYZ, ["1/3/26 10:00:00"] * COUNT, names="x,y,z,Time\n"), RATE
+    ),
     # no signals
+    "hexadecimal numbers": (
+        table(column(np.array(NUMBERS) * 7 + 0x1000, "{:x}"), *XYZ, names="RDT (hex),x,y,z\n"), None
+    ),
     "upkeep of a device": (
         table(times(), *XYZ, ["C3", "12", "E4", "A0"] * (COUNT // 4), ["-61", "-62"] * (COUNT // 2),
               names="t,x,y,z,crc8,rssi_dbm\n"), RATE
@@ -321,7 +338,15 @@ READ = {
         table(COUNTER, column(np.array(NUMBERS) + 500, "{}"), *XYZ,
               names="Unnamed: 0.1,Unnamed: 0,x,y,z\n"), None
     ),
-    # settings beside the table
+    # settings beside the table, and results above it
+    "results": (
+        "Results\n,Peak,Mean\n1,0.9,0.1\nAll,0.9,0.1\n\nRaw data\n"
+        + table(*XYZ, names="x,y,z\n(N),(N),(N)\n"), None
+    ),
+    "titles above their numbers": (
+        "channels:\na\tb\tc\ndt:\n0.0005\t0.0005\t0.0005\ndata:\n" + table(*XYZ, mark="\t"), RATE
+    ),
+    "a measurement without a name": (table(*XYZ, names=",y,z\n"), None),
     "settings left of it": (
         "".join(
             f"{key},{value},,{t:.4f},{x},{y},{z}\n" for (key, value), t, x, y, z in zip(
@@ -464,6 +489,17 @@ READ = {
               column((np.array(NUMBERS) + 1900) % 2000 * 500_000, "{}"), *XYZ), RATE
     ),
     "a unit of time behind the name": (table(*XYZ, times(1e3), names="x,y,z,device_ms\n"), RATE),
+    **{
+        stated: (f"{stated}\nx,y,z\n" + table(*XYZ), RATE)
+        for stated in (
+            "Sampling interval: 0.5 msec", "Abtastintervall: 500 Mikrosekunden", "Δt: 0.0005 s",
+            "f_s = 2 kHz", "Sampling 2 kHz", "Data rate: 2000 Hz", "Frame rate: 2000 fps",
+        )
+    },
+    "rate of a camera beside that of the sensor": (
+        "Frame rate: 30 fps\nSampling rate: 2000 Hz\nx,y,z\n" + table(*XYZ), RATE
+    ),
+    "a distance between samples": ("delta x: 0.1 mm\nx,y,z\n" + table(*XYZ), None),
     "rate in French": ("Fréquence d'échantillonnage : 2000 Hz\n" + table(*XYZ), RATE),
     "rate in Spanish": ("Frecuencia de muestreo: 2000 Hz\n" + table(*XYZ), RATE),
     "samples per second": ("Samples per second: 2000\n" + table(*XYZ), RATE),
@@ -574,6 +610,19 @@ def test_commas_before_blanks_divide(tmp_path):
 def test_units_below_names_may_begin_with_a_capital_letter(tmp_path):
     text = table(times(), *XYZ, mark="\t", names="Time\ta\tb\tc\nSec\tN\tmm\tg\n")
     assert read_table(write(tmp_path, text))[2].axes == ("a", "b", "c")
+    text = table(times(), *XYZ, mark="\t", names="Time\ta\tb\tc\ns\tN\tNm\tN·m\n")
+    assert read_table(write(tmp_path, text))[2].axes == ("a", "b", "c")
+
+
+def test_numbers_above_a_table_are_left_out_with_a_note(tmp_path):
+    text = READ["titles above their numbers"][0]
+    assert read_table(write(tmp_path, text))[2].notes == ("the numbers above 'data:' are left out",)
+
+
+def test_a_sample_that_is_missing_is_no_rounding(tmp_path):
+    cells = [[*each[:99], *each[100:]] for each in (times(), *XYZ)]
+    samples, _, _ = read_table(write(tmp_path, table(*cells, names="time,x,y,z\n")))
+    assert np.abs(samples - np.delete(AXES, 99, axis=1)).max() > 0.1  # interpolated
 
 
 def test_settings_above_are_no_incomplete_lines(tmp_path):
