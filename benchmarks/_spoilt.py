@@ -87,6 +87,17 @@ def rest(
     return np.concatenate((trace[:, :at], quiet, trace[:, at:]), axis=1)
 
 
+def lying(trace: Array, times: float, scene: Scene, place: str = "before") -> Array:
+    """Let the tool lie for 2 s at another level, and pick it up or put it down within 0.2 s."""
+    level = trace.mean(axis=1, keepdims=True) + times * deviation(trace)
+    noise = 0.01 * deviation(trace) * scene.rng.standard_normal((len(trace), round(2 * scene.rate)))
+    ends = trace[:, :1] if place == "before" else trace[:, -1:]
+    moved = level + (ends - level) * np.linspace(0, 1, max(2, round(0.2 * scene.rate)))
+    if place == "before":
+        return np.concatenate((level + noise, moved, trace), axis=1)
+    return np.concatenate((trace, moved[:, ::-1], level + noise), axis=1)
+
+
 def knock(trace: Array, times: float, scene: Scene) -> Array:
     """Add one decaying impact of so many deviations somewhere in the recording."""
     time = np.arange(trace.shape[1]) / scene.rate

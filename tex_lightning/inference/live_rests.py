@@ -11,6 +11,7 @@ from tex_lightning.senses.features.movement import (
     block_length,
     block_power,
     power_limits,
+    reach,
     rests_and_knocks,
     run_length,
 )
@@ -39,6 +40,7 @@ class LiveRests:
     def __init__(self, sampling_rate: float, skip: bool) -> None:
         self.length = block_length(sampling_rate) if skip else None
         self.run = 0 if self.length is None else run_length(sampling_rate, self.length)
+        self.horizon = self.run + reach(self.run)  # blocks that may still change what one is
         self.powers: Array = np.zeros(0, np.float32)  # of all blocks, in order of size
         self.before: Array = np.zeros(0, np.float32)  # of the last settled ones
         self.limit = 0.0  # power below which blocks are quiet
@@ -56,7 +58,7 @@ class LiveRests:
         out = torch.zeros(now.shape[1], dtype=torch.bool, device=now.device)
         settled = pending.shape[1]
         if self.length is not None:
-            blocks = max(0, settled // self.length - self.run)
+            blocks = max(0, settled // self.length - self.horizon)
             settled = blocks * self.length
             out = self._judge(now, self.length, blocks)
         self.pending = pending[:, settled:].clone()
@@ -66,13 +68,13 @@ class LiveRests:
     def _judge(self, now: Tensor, length: int, settled: int) -> Tensor:
         power = block_power(now, length).cpu().numpy()
         every = np.insert(self.powers, np.searchsorted(self.powers, np.sort(power)), np.sort(power))
-        self.limit, knock = (float(x) for x in power_limits(torch.from_numpy(every)))
+        self.limit, bump, knock = (float(x) for x in power_limits(torch.from_numpy(every)))
         known = torch.from_numpy(np.concatenate((self.before, power)))
-        out = rests_and_knocks(known, self.limit, knock, self.run)[len(self.before) :].to(
+        out = rests_and_knocks(known, self.limit, bump, knock, self.run)[len(self.before) :].to(
             now.device
         )
         done = np.sort(power[:settled])
         self.powers = np.insert(self.powers, np.searchsorted(self.powers, done), done)
-        self.before = np.concatenate((self.before, power[:settled]))[-self.run :]
+        self.before = np.concatenate((self.before, power[:settled]))[-self.horizon :]
         block = torch.arange(now.shape[1], device=now.device) // length
         return out[block.clamp(max=len(power) - 1)]

@@ -1,5 +1,6 @@
 """Where a tool moves: the touch that begins a stroke, and rests between and after strokes."""
 
+import numpy as np
 import pytest
 import torch
 from hypothesis import given
@@ -84,3 +85,17 @@ def test_a_louder_stroke_between_rests_is_no_knock():
     rests = [0.02 * noise(10, seed=seed, rate=2000) for seed in (1, 2)]
     trace = torch.cat((rests[0], noise(1, seed=3, rate=2000), rests[1]), dim=1)
     assert moving(trace, 2000).abs().max() == trace.abs().max()
+
+
+@pytest.mark.parametrize("rate", [100.0, 2000.0])
+def test_a_tool_that_is_picked_up_belongs_to_the_rest_and_taps_do_not(rate):
+    rng, length = np.random.default_rng(0), round(2 * rate)
+    quiet, stroke = 1e-3 * rng.standard_normal(length), rng.standard_normal(length)
+    lying, moved = 60 + quiet, np.linspace(60, 0, round(0.2 * rate))
+    lifted = torch.from_numpy(np.concatenate((lying, moved, stroke, moved[::-1], lying)))
+    kept = moving(lifted[None].float(), rate)
+    assert abs(kept.shape[1] - length) <= 0.3 * rate
+    assert kept.mean().abs() < 0.5
+    tap = np.concatenate((quiet[: round(0.6 * rate)], stroke[: round(0.2 * rate)]))
+    taps = torch.from_numpy(np.tile(tap, 8))[None].float()
+    assert moving(taps, rate).shape[1] >= 0.2 * rate * 7

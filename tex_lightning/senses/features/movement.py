@@ -20,6 +20,8 @@ MIN_BLOCK = 8  # samples
 BLOCK_SECONDS = 0.05  # over which it is judged whether the tool moves
 REST_SECONDS = 0.4  # a shorter pause, as where a stroke turns, belongs to the movement
 REST_POWER = 0.002  # of the loud blocks' power; in a stroke it falls to 0.003 for 0.3 s at most
+BUMP_POWER = 3.0  # of the power of fairly loud blocks: beside a rest the tool is picked up, or put
+FAIRLY_LOUD = 8  # down. Tenths of the blocks of movement that are quieter; in taps more are louder
 KNOCK_POWER = 40.0  # of the power of loud blocks of the movement
 KNOCK_BLOCKS = 40  # of which one may be a knock: more recur, and are what was recorded
 LOUD = 9  # tenths of the blocks that are quieter than what is called loud: so many may be rest
@@ -72,8 +74,8 @@ def left_out_blocks(trace: Tensor, sampling_rate: float) -> Tensor:
     """Return which blocks (blocks,) of a signal belong to a rest, or are a knock.
 
     A rest is at least 0.4 s of blocks whose power without their mean is far below that of the loud
-    ones. A knock is a block far above the loud ones of the movement, with those beside it, if only
-    one in two seconds is.
+    ones, with what is within 0.2 s of it and louder than the movement. A knock is a block far above
+    the loud ones of the movement, with those beside it, if only one in two seconds is.
 
     Args:
         trace: (axes, samples), at least one block long.
@@ -85,8 +87,8 @@ def left_out_blocks(trace: Tensor, sampling_rate: float) -> Tensor:
     return rests_and_knocks(power, *limits, run_length(sampling_rate, length))
 
 
-def power_limits(ordered: Tensor) -> tuple[Tensor, Tensor]:
-    """Return below which power () blocks may be a rest, and above which one is a knock.
+def power_limits(ordered: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Return below which power () blocks may be a rest, and above which a bump and a knock.
 
     Args:
         ordered: Power (blocks,) of all blocks, in order of size.
@@ -97,22 +99,35 @@ def power_limits(ordered: Tensor) -> tuple[Tensor, Tensor]:
     loud = ordered.index_select(0, (quiet + LOUD * (last - quiet) // 10)[None])[0]
     knocks = (ordered > KNOCK_POWER * loud).sum()
     few = KNOCK_BLOCKS * knocks <= last + 1 - quiet
-    return rest, torch.where(few, KNOCK_POWER * loud, torch.inf)
+    fairly = ordered.index_select(0, (quiet + FAIRLY_LOUD * (last - quiet) // 10)[None])[0]
+    return rest, BUMP_POWER * fairly, torch.where(few, KNOCK_POWER * loud, torch.inf)
 
 
 def rests_and_knocks(
-    power: Tensor, rest: Tensor | float, knock: Tensor | float, run: int
+    power: Tensor, rest: Tensor | float, bump: Tensor | float, knock: Tensor | float, run: int
 ) -> Tensor:
     """Return which blocks (blocks,) of some power are in a rest, or in or beside a knock.
 
     Args:
         power: (blocks,).
         rest: Power below which ``run`` blocks in a row are a rest.
+        bump: Power above which one belongs to a rest that is half a run away at most.
         knock: Power above which one is a knock.
         run: Number of blocks.
     """
-    knocks = pad((power > knock).long(), (1, 1))
-    return in_runs(power < rest, run) | (sums(knocks, 3) > 0)
+    rests = in_runs(power < rest, run)
+    bumps = around(rests, reach(run)) & around(power > bump, 1)
+    return rests | bumps | around(power > knock, 1)
+
+
+def reach(run: int) -> int:
+    """Return how many blocks beside a rest may belong to it."""
+    return max(1, run // 2)
+
+
+def around(blocks: Tensor, count: int) -> Tensor:
+    """Return which blocks (blocks,) are at most ``count`` away from one of these."""
+    return sums(pad(blocks.long(), (count, count)), 2 * count + 1) > 0
 
 
 def of_samples(blocks: Tensor, samples: int, length: int) -> Tensor:
