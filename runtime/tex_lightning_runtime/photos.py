@@ -2,14 +2,17 @@
 
 How other pixels become 8 bits: greys of 16 bits count from black (0) to white (65535), or to 4095
 where none is brighter, as cameras with 12 bits write them; numbers with a point from 0 to 1, or to
-255 where some are larger. Colours beneath transparent pixels are taken as they are stored.
+255 where some are larger. Colours of 16 bits lose the lower 8, and those of 12 all but 4. Colours
+beneath transparent pixels are taken as they are stored, and the first page of several.
 """
 
 import ctypes
+import re
 import struct
 import warnings
 import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
 from io import BytesIO
 from pathlib import Path
@@ -21,11 +24,13 @@ from tex_lightning_runtime.errors import UserError, reason
 from tex_lightning_runtime.files import require_file
 from tex_lightning_runtime.samples import Array
 
-IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
+IMAGE_SUFFIXES = (".jpg", ".jpeg", ".jfif", ".png", ".bmp", ".tif", ".tiff", ".webp")
 FORMATS = ("JPEG", "PNG", "BMP", "TIFF", "WEBP")  # whatever a name says; EPS starts a program
 # Of a JPEG at its end: one row of its blocks, the one above with which colours are mixed; a tenth.
 LOST_ROWS, LOST_SHARE = 17, 0.1
 TWELVE_BITS, SIXTEEN_BITS = 4095, 65535
+DEEP = re.compile(r"(RGB.?|LA);16")  # of Pillow's names for how pixels lie in a file
+WHITE_IS_ZERO = 262, 0  # a tag of TIFF and its value, which Pillow minds in greys of 8 bits alone
 MAX_MENDED = 1 << 28  # bytes of a file
 PNG, JPEG, END = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"\xff\xd9"
 KEPT = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")  # chunks of a PNG that its pixels need
@@ -47,7 +52,10 @@ def read_photo(path: Path) -> tuple[Array, list[str]]:
         with warnings.catch_warnings(action="ignore"):  # of metadata
             return _read(path)
     except UnidentifiedImageError as error:
-        raise UserError(f"Image {path} is in no known format; use JPEG or PNG.") from error
+        raise UserError(
+            f"Image {path} is in no known format, or in a rare kind of one, whatever its name; "
+            "convert it to JPEG or PNG with 8 bits."
+        ) from error
     except Exception as error:  # damage shows in as many ways as there are formats
         raise UserError(
             f"Image {path} is damaged or too large ({reason(error)}); replace the file."
@@ -99,7 +107,8 @@ def to_rgb(image: Any) -> tuple[Array, list[str]]:
     """
     from PIL import ImageCms, ImageOps
 
-    notes = []
+    notes = _pages(image)
+    is_deep = any(DEEP.search(str(tile[3])) for tile in getattr(image, "tile", ()))
     image.load()  # what is damaged here is the pixels
     try:
         ImageOps.exif_transpose(image, in_place=True)
@@ -116,8 +125,22 @@ def to_rgb(image: Any) -> tuple[Array, list[str]]:
         image = ImageCms.profileToProfile(image, lab, rgb, outputMode="RGB")
     if image.mode[0] in "IF":
         grey, note = _grey(np.asarray(image))
+        tag, value = WHITE_IS_ZERO
+        grey = 255 - grey if getattr(image, "tag_v2", {}).get(tag) == value else grey
         return np.repeat(grey[..., None], 3, axis=2), [*notes, note]
-    return np.array(image if image.mode == "RGB" else image.convert("RGB")), notes
+    photo = np.array(image if image.mode == "RGB" else image.convert("RGB"))
+    if is_deep and photo.max() <= TWELVE_BITS >> 8:
+        photo *= 255 // (TWELVE_BITS >> 8)
+        notes.append("its colours from 0 to 4,095 become 16 levels: save it with 8 bits for all")
+    return photo, notes
+
+
+def _pages(image: Any) -> list[str]:
+    """Say that an image has several pages, where they are not what a phone adds to a photo."""
+    with suppress(Exception):  # a later page may be damaged
+        if image.format != "MPO" and getattr(image, "n_frames", 1) > 1:
+            return ["it has several pages or frames, and the first is read"]
+    return []
 
 
 def _grey(values: Array) -> tuple[Array, str]:

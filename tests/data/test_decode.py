@@ -172,7 +172,7 @@ def test_postscript_in_a_photo_starts_no_program(tmp_path, monkeypatch):
     monkeypatch.setattr(EpsImagePlugin, "gs_binary", None)  # which it looks for once
     head = "%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\n"
     photo.write_text(f"{head}showpage\n%%EOF\n")
-    with pytest.raises(UserError, match="is in no known format; use JPEG or PNG"):
+    with pytest.raises(UserError, match=r"is in no known format, .* convert it to JPEG or PNG"):
         PHOTO.decode(photo)
     assert not mark.exists()
 

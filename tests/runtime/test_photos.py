@@ -1,5 +1,6 @@
 """Photos that are slightly damaged, or of another mode, are read; what is cut off is not."""
 
+import struct
 import zlib
 from io import BytesIO
 
@@ -117,6 +118,42 @@ def test_greys_of_16_bits_count_from_black_to_white_and_those_of_12_to_theirs(tm
         expected = np.rint(values / white * 255).astype(np.uint8)
         alike(path, np.repeat(expected[..., None], 3, axis=2))
         assert read_photo(path)[1] == [f"its greys from 0 to {white:,} become 8 bits"]
+
+
+def test_greys_whose_white_is_zero_are_turned_around(tmp_path):
+    path = saved(tmp_path / "a.tif", Image.fromarray(65535 - RAMP))
+    tag = struct.pack("<HHI", 262, 3, 1)  # and its value: how greys are meant
+    path.write_bytes(path.read_bytes().replace(tag + b"\1", tag + b"\0"))
+    alike(path, np.repeat((RAMP // 257).astype(np.uint8)[..., None], 3, axis=2))
+
+
+@pytest.mark.parametrize(("bits", "notes"), [(16, 0), (12, 1)])
+def test_colours_of_12_bits_in_16_are_not_black(tmp_path, bits, notes):
+    colours = (PIXELS.astype(np.uint16) * 257 >> 16 - bits).astype(">u2")
+    rows = b"".join(b"\0" + row.tobytes() for row in colours)
+    size = struct.pack(">IIBBBBB", *PIXELS.shape[1::-1], 16, 2, 0, 0, 0)
+    content = b"\x89PNG\r\n\x1a\n"
+    for name, data in ((b"IHDR", size), (b"IDAT", zlib.compress(rows)), (b"IEND", b"")):
+        check = struct.pack(">I", zlib.crc32(name + data))
+        content += struct.pack(">I", len(data)) + name + data + check
+    path = tmp_path / "a.png"
+    path.write_bytes(content)
+    photo, said = read_photo(path)
+    assert abs(photo.astype(int) - PIXELS).max() <= 15 * notes
+    assert len(said) == notes
+    dark = saved(tmp_path / "b.png", Image.fromarray(PIXELS // 17))
+    alike(dark, PIXELS // 17)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "notes"), [("a.tif", "TIFF", 1), ("a.webp", "WEBP", 1), ("a.jpg", "MPO", 0)]
+)
+def test_that_the_first_page_of_several_is_read_is_said(tmp_path, name, kind, notes):
+    pages = {"save_all": True, "append_images": [Image.fromarray(PIXELS[::-1].copy())]}
+    path = saved(tmp_path / name, format=kind, **pages, **{} if kind == "TIFF" else {"quality": 95})
+    photo, said = read_photo(path)
+    assert abs(photo.astype(int) - PIXELS).mean() < 9
+    assert said == notes * ["it has several pages or frames, and the first is read"]
 
 
 def test_numbers_with_a_point_are_greys_or_refused(tmp_path):
