@@ -300,6 +300,8 @@ def _is(pattern: re.Pattern[str], cell: object) -> bool:
 
 def rising(samples: Array) -> bool:
     """Return whether samples (samples,) rise evenly, as times do."""
+    if not np.isfinite(samples).all():
+        return False
     steps = np.diff(samples.astype(np.float64))
     return len(steps) > MIN_RISING and bool((abs(steps - steps.mean()) < EVEN * steps.mean()).all())
 

@@ -16,7 +16,9 @@ import soundfile
 
 Array = np.ndarray[Any, np.dtype[Any]]
 CUT = re.compile(r"data : (\d+) \(should be (\d+)\)")  # libsndfile's note of a truncated file
+SHORT = re.compile(r"frame count (\d+) does not match value from 'ds64' chunk of (\d+)")  # RF64
 UNKNOWN_LENGTH = 0x7FFF0000  # programs that stream write such a length for want of a better one
+UNKNOWN_FRAMES = 1 << 62  # and libsndfile of a FLAC file without one
 CHUNKS = (  # that programs write behind samples
     b"list", b"info", b"id3", b"fact", b"cue", b"smpl", b"inst", b"bext", b"ixml", b"junk", b"pad",
     b"fllr", b"peak", b"disp", b"acid", b"plst", b"axml", b"chna", b"cart", b"levl", b"afsp",
@@ -48,6 +50,10 @@ def _read(path: Path, most: int) -> tuple[Array, float, list[str]]:
             if rest < length < UNKNOWN_LENGTH:
                 raise ValueError(f"truncated: {length - rest} of {length} bytes are missing")
             notes += [f"its header has no size, and all {sound.frames:,} samples are read"]
+        if (short := SHORT.search(sound.extra_info)) and int(short[1]) < int(short[2]):
+            raise ValueError(f"truncated: {short[1]} of {short[2]} samples are there")
+        if sound.frames > UNKNOWN_FRAMES:
+            raise ValueError("its header has no length: write it anew, such as by ffmpeg")
         count = sound.frames * sound.channels  # a small FLAC file may hold hours of silence
         if count > most:
             raise ValueError(f"it claims {count:,} samples, and {most:,} are the most")

@@ -125,7 +125,7 @@ def _read_file(path: Path, channels: Channels, time_unit: str | None) -> Signal:
     if table.size > MAX_SAMPLES or trace is None or len(trace) > MAX_AXES:
         raise UserError(
             f"Trace {path} has the shape {table.shape}; a trace has samples of 1 to {MAX_AXES} "
-            "channels."
+            "channels: give a file of one recording that is not empty."
         )
     if suffix in SUFFIXES:
         return Signal(trace, rate, reading)

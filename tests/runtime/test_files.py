@@ -1,6 +1,7 @@
 """Files are decoded as the package decodes them, or refused in one sentence."""
 
 import sys
+import warnings
 
 import numpy as np
 import pytest
@@ -102,6 +103,13 @@ def test_damage_is_refused(tmp_path):
             read(next(tmp_path.glob(f"{name}.*")))
     with pytest.raises(UserError, match=r"1 channels, and data.channels names 2, counted from 0"):
         read(tmp_path / "a.wav", [2])
+
+
+def test_infinity_is_refused_without_a_warning_of_numpy(tmp_path):
+    np.save(tmp_path / "a.npy", np.where(np.arange(200) == 7, np.inf, AXES[:, :200]))
+    told = pytest.raises(UserError, match=r"holds NaN, infinity or .* at sample 7; repair")
+    with warnings.catch_warnings(action="error"), told:
+        read(tmp_path / "a.npy")
 
 
 def test_what_takes_all_memory_is_refused(tmp_path, monkeypatch):

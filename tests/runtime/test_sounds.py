@@ -75,11 +75,31 @@ def test_a_file_that_was_cut_off_or_holds_nothing_is_refused(tmp_path):
         read_sound(path, 1 << 29)
     empty = wav(tmp_path / "empty.wav", NOISE[:0])
     assert len(read_sound(empty, 1 << 29)[0]) == 0
-    with pytest.raises(UserError, match="shape"):
+    with pytest.raises(UserError, match=r"shape .*: give a file of one recording"):
         SignalDecoder().decode(empty)
     stale = wav(tmp_path / "b.wav", NOISE, data=lambda _: 0)
     with pytest.raises(ValueError, match="60,000 samples, and 50,000 are the most"):
         read_sound(stale, 50_000)
+
+
+def test_large_wav_that_was_cut_off_is_refused(tmp_path):
+    path = tmp_path / "a.wav"
+    soundfile.write(path, NOISE, 10_000, format="RF64")
+    assert len(read_sound(path, 1 << 29)[0]) == len(NOISE)
+    path.write_bytes(path.read_bytes()[:-1000])
+    with pytest.raises(ValueError, match="truncated: 29750 of 30000 samples are there"):
+        read_sound(path, 1 << 29)
+
+
+def test_flac_without_its_length_is_refused_with_the_remedy(tmp_path):
+    path = tmp_path / "a.flac"
+    soundfile.write(path, NOISE, 10_000)
+    content = bytearray(path.read_bytes())
+    content[21] &= 0xF0  # four bits of the number of samples, and the others
+    content[22:26] = bytes(4)
+    path.write_bytes(content)
+    with pytest.raises(UserError, match="its header has no length: write it anew"):
+        SignalDecoder().decode(path)
 
 
 def test_the_command_line_says_which_file_has_no_size(cli, bands, surfaces, tmp_path):
