@@ -35,8 +35,10 @@ OTHERS = "Of other kinds and not read: "
             id="sounds and senses of the user's own",
         ),
         pytest.param(
-            ["a/s10.wav", "a/s9.wav", "a/p1.JPG", "a/s9.json", "a/old/1.wav", ".git/x.wav"],
-            ["a haptic 0 s9.wav", "a haptic 1 s10.wav", "a image 0 p1.JPG", "a old 0 1.wav"],
+            ["a/s10.wav", "a/s9.wav", "a/p1.JPG", "a/p2.jfif", "a/s9.json", "a/old/1.wav",
+             ".git/x.wav"],
+            ["a haptic 0 s9.wav", "a haptic 1 s10.wav", "a image 0 p1.JPG", "a image 1 p2.jfif",
+             "a old 0 1.wav"],
             [f"{OTHERS}1 .json (such as DIR/a/s9.json)."],
             id="a flat class by suffixes",
         ),
@@ -51,7 +53,8 @@ OTHERS = "Of other kinds and not read: "
             ["a/haptic/1.wav", "a/image/1.heic", "b/x.doc", "notes.txt"],
             ["a haptic 0 1.wav"],
             ["Class folder DIR/b is skipped: it has no trace and no photo.",
-             f"{OTHERS}1 .heic, 1 .doc (such as DIR/a/image/1.heic)."],
+             f"{OTHERS}1 .heic, 1 .doc (such as DIR/a/image/1.heic). "
+             "Convert the photos to .jpg or .png."],
             id="classes without anything readable",
         ),
     ],
@@ -117,7 +120,7 @@ def test_files_of_two_sensors_are_no_two_recordings(tmp_path, one, other, patter
 
 def test_a_folder_of_other_kinds_alone_says_what_is_there(tmp_path):
     touch(tmp_path, *(f"{label}/haptic/{n}.mp3" for label in "ab" for n in range(3)), "a/Thumbs.db")
-    with pytest.raises(UserError, match=rf"holds no recordings; .* {OTHERS}6 \.mp3 \(such as"):
+    with pytest.raises(UserError, match=rf"holds no rec.* {OTHERS}6 \.mp3 \(.*Convert other so"):
         read_folder(tmp_path)
 
 

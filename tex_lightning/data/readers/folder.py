@@ -44,15 +44,17 @@ READ_ME = {  # text and tables beside recordings, of any suffix
     "notes", "note", "comments", "description", "protocol", "summary",
 }  # fmt: skip
 MAX_KINDS = 6
-TO_SOUND = " Convert what is compressed to .flac or .wav, such as with ffmpeg."
-TO_TABLE = " Save each sheet as CSV."
+TO_SOUND = " Convert other sound to .flac or .wav, such as with ffmpeg."
+TO_TABLE = " Save sheets of recordings as CSV."
 TO_TEXT = " Rename what is a table of numbers in text to .csv."
 TO_PHOTO = " Convert the photos to .jpg or .png."
 CURES = {
     **dict.fromkeys((".mp3", ".m4a", ".aac", ".ogg", ".opus", ".wma", ".mp4"), TO_SOUND),
+    **dict.fromkeys((".aif", ".aiff", ".caf", ".au", ".amr", ".3gp", ".webm"), TO_SOUND),
     **dict.fromkeys((".xlsx", ".xls", ".ods"), TO_TABLE),
     **dict.fromkeys((".dat", ".log", ".asc", ".prn"), TO_TEXT),
-    **dict.fromkeys((".heic", ".heif", ".gif", ".raw", ".cr2", ".nef"), TO_PHOTO),
+    **dict.fromkeys((".heic", ".heif", ".avif", ".gif", ".jp2", ".jxl"), TO_PHOTO),
+    **dict.fromkeys((".raw", ".dng", ".cr2", ".cr3", ".nef", ".arw"), TO_PHOTO),
 }  # of files that are not read, by suffix
 BESIDE = {"haptic": TRACE_SUFFIXES, "image": IMAGE_SUFFIXES}  # of files in the folder of a class
 
@@ -114,7 +116,8 @@ def read_folder(root: str | Path) -> Recordings:
         if not deep and not recordings:
             notes.append(f"Class folder {directory} is skipped: it has no trace and no photo.")
         rows += recordings
-    counted = [f"Of other kinds and not read: {count_kinds(others)}."] if others else []
+    cures = _cures(others)
+    counted = [f"Of other kinds and not read: {count_kinds(others)}.{cures}"] if others else []
     if not rows:
         raise UserError(_nothing_in(root, others, counted))
     if deeper:
@@ -160,7 +163,6 @@ def _nothing_in(root: Path, others: Sequence[Path], counted: Sequence[str]) -> s
     flat = [path for path in _visible(root)
             if path.is_file() and path.name not in SYSTEMS]  # fmt: skip
     names = {path.name.casefold() for path in flat}
-    kinds = {path.suffix.lower() for path in (*flat, *others)}
     if {"x.npy", "y.npy"} <= names:
         return (
             f"Folder {root} holds recordings and labels as two arrays, X.npy and y.npy; write each "
@@ -180,13 +182,18 @@ def _nothing_in(root: Path, others: Sequence[Path], counted: Sequence[str]) -> s
             f"{by_pattern(root, ((), flat_pattern(recorded)))}, or with a pattern that fits their "
             "names better."
         )
-    cure = next((text for kind, text in CURES.items() if kind in kinds), "")
     said = (
         f"Folder {root} holds no recordings; put traces in {root}/CLASS/haptic "
         f"({', '.join(TRACE_SUFFIXES)}), sounds in {root}/CLASS/sound (.wav, .flac) and photos in "
-        f"{root}/CLASS/image (.jpg, .png, …).{cure}"
+        f"{root}/CLASS/image (.jpg, .png, …).{'' if others else _cures(flat)}"
     )
     return " ".join([said, *counted])
+
+
+def _cures(files: Sequence[Path]) -> str:
+    """Return how files of other kinds become such as are read."""
+    kinds = {path.suffix.lower() for path in files}
+    return "".join(dict.fromkeys(text for kind, text in CURES.items() if kind in kinds))
 
 
 def _deeper(directory: Path, recordings: Sequence[Recording]) -> list[Path]:
