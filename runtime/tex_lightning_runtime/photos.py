@@ -29,7 +29,8 @@ FORMATS = ("JPEG", "PNG", "BMP", "TIFF", "WEBP")  # whatever a name says; EPS st
 # Of a JPEG at its end: one row of its blocks, the one above with which colours are mixed; a tenth.
 LOST_ROWS, LOST_SHARE = 17, 0.1
 TWELVE_BITS, SIXTEEN_BITS = 4095, 65535
-DEEP = re.compile(r"(RGB.?|LA);16")  # of Pillow's names for how pixels lie in a file
+DEEP = re.compile(r"\b(RGB.?|LA|R);16")  # of Pillow's names for how pixels lie in a file
+BITS = 258  # a tag of TIFF
 WHITE_IS_ZERO = 262, 0  # a tag of TIFF and its value, which Pillow minds in greys of 8 bits alone
 MAX_MENDED = 1 << 28  # bytes of a file
 PNG, JPEG, END = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"\xff\xd9"
@@ -108,6 +109,7 @@ def to_rgb(image: Any) -> tuple[Array, list[str]]:
     from PIL import ImageCms, ImageOps
 
     notes = _pages(image)
+    _mend_planes(image)
     is_deep = any(DEEP.search(str(tile[3])) for tile in getattr(image, "tile", ()))
     image.load()  # what is damaged here is the pixels
     try:
@@ -133,6 +135,16 @@ def to_rgb(image: Any) -> tuple[Array, list[str]]:
         photo *= 255 // (TWELVE_BITS >> 8)
         notes.append("its colours from 0 to 4,095 become 16 levels: save it with 8 bits for all")
     return photo, notes
+
+
+def _mend_planes(image: Any) -> None:
+    """Say to Pillow that planes of a TIFF have 16 bits, which it reads as if they had 8."""
+    tags = getattr(image, "tag_v2", {})
+    if tags.get(BITS, (8,))[0] == 16 and image.tile and image.tile[0].args[0] == "R":
+        deep = ";16B" if tags.prefix == b"MM" else ";16L"
+        image.tile = [
+            tile._replace(args=(tile.args[0] + deep, *tile.args[1:])) for tile in image.tile
+        ]
 
 
 def _pages(image: Any) -> list[str]:

@@ -127,6 +127,25 @@ def test_greys_whose_white_is_zero_are_turned_around(tmp_path):
     alike(path, np.repeat((RAMP // 257).astype(np.uint8)[..., None], 3, axis=2))
 
 
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_planes_of_16_bits_are_no_noise(tmp_path, order):
+    height, width = PIXELS.shape[:2]
+    planes = np.moveaxis(PIXELS.astype(np.uint16) * 257, 2, 0).astype(f"{order}u2").tobytes()
+    ends = 200 + len(planes) // 3 * np.arange(3)
+    tags = {256: [width], 257: [height], 258: 3 * [16], 259: [1], 262: [2], 273: ends, 277: [3],
+            278: [height], 279: 3 * [len(planes) // 3], 284: [2]}  # fmt: skip
+    entries, behind, place = b"", b"", 8 + 2 + 12 * len(tags) + 4
+    for tag, values in tags.items():
+        data = struct.pack(f"{order}{len(values)}I", *values)
+        inline = data if len(values) == 1 else struct.pack(f"{order}I", place + len(behind))
+        behind += data if len(values) > 1 else b""
+        entries += struct.pack(f"{order}HHI", tag, 4, len(values)) + inline
+    head = b"II*\0" if order == "<" else b"MM\0*"
+    head += struct.pack(f"{order}IH", 8, len(tags)) + entries + bytes(4) + behind
+    (tmp_path / "a.tif").write_bytes(head.ljust(200, b"\0") + planes)
+    alike(tmp_path / "a.tif", PIXELS)
+
+
 @pytest.mark.parametrize(("bits", "notes"), [(16, 0), (12, 1)])
 def test_colours_of_12_bits_in_16_are_not_black(tmp_path, bits, notes):
     colours = (PIXELS.astype(np.uint16) * 257 >> 16 - bits).astype(">u2")
