@@ -139,7 +139,7 @@ def to_rgb(image: Any) -> tuple[Array, list[str]]:
 
 def _mend_planes(image: Any) -> None:
     """Say to Pillow that planes of a TIFF have 16 bits, which it reads as if they had 8."""
-    tags = getattr(image, "tag_v2", {})
+    tags: Any = getattr(image, "tag_v2", {})
     if tags.get(BITS, (8,))[0] == 16 and image.tile and image.tile[0].args[0] == "R":
         deep = ";16B" if tags.prefix == b"MM" else ";16L"
         image.tile = [
