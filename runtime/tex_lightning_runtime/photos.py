@@ -97,11 +97,12 @@ def _read(path: Path) -> tuple[Array, list[str]]:
     return photo, [note, *notes]
 
 
-def to_rgb(image: Any) -> tuple[Array, list[str]]:
+def to_rgb(image: Any, *, keeps: bool = False) -> tuple[Array, list[str]]:
     """Return an image of Pillow as (height, width, 3) uint8, upright, and what is to be said of it.
 
     Args:
-        image: May be changed.
+        image: As it was opened: a copy has lost how its pixels are meant.
+        keeps: Whether it must not be turned upright itself.
 
     Raises:
         ValueError: If its pixels cannot be meant as a photo.
@@ -111,7 +112,10 @@ def to_rgb(image: Any) -> tuple[Array, list[str]]:
     notes = _pages(image)
     _mend_planes(image)
     is_deep = any(DEEP.search(str(tile[3])) for tile in getattr(image, "tile", ()))
+    tag, value = WHITE_IS_ZERO
+    is_negative = getattr(image, "tag_v2", {}).get(tag) == value
     image.load()  # what is damaged here is the pixels
+    image = image.copy() if keeps else image
     try:
         ImageOps.exif_transpose(image, in_place=True)
     except Exception:
@@ -127,8 +131,7 @@ def to_rgb(image: Any) -> tuple[Array, list[str]]:
         image = ImageCms.profileToProfile(image, lab, rgb, outputMode="RGB")
     if image.mode[0] in "IF":
         grey, note = _grey(np.asarray(image))
-        tag, value = WHITE_IS_ZERO
-        grey = 255 - grey if getattr(image, "tag_v2", {}).get(tag) == value else grey
+        grey = 255 - grey if is_negative else grey
         return np.repeat(grey[..., None], 3, axis=2), [*notes, note]
     photo = np.array(image if image.mode == "RGB" else image.convert("RGB"))
     if is_deep and photo.max() <= TWELVE_BITS >> 8:

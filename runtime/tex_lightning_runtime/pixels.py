@@ -23,7 +23,7 @@ def as_pixels(image: Any, key: str = "image", colour: str = "rgb") -> Array:
     Raises:
         UserError: If it has another shape or type, or is empty.
     """
-    array = to_rgb(image.copy())[0] if hasattr(image, "getexif") else as_array(image, key)
+    array = to_rgb(image, keeps=True)[0] if hasattr(image, "getexif") else as_array(image, key)
     if array.ndim == 2:
         array = np.repeat(array[..., None], 3, axis=2)
     if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3 or not array.size:

@@ -124,7 +124,8 @@ def test_greys_whose_white_is_zero_are_turned_around(tmp_path):
     path = saved(tmp_path / "a.tif", Image.fromarray(65535 - RAMP))
     tag = struct.pack("<HHI", 262, 3, 1)  # and its value: how greys are meant
     path.write_bytes(path.read_bytes().replace(tag + b"\1", tag + b"\0"))
-    alike(path, np.repeat((RAMP // 257).astype(np.uint8)[..., None], 3, axis=2))
+    alike(path, expected := np.repeat((RAMP // 257).astype(np.uint8)[..., None], 3, axis=2))
+    np.testing.assert_array_equal(as_pixels(Image.open(path)), expected)
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
@@ -144,6 +145,7 @@ def test_planes_of_16_bits_are_no_noise(tmp_path, order):
     head += struct.pack(f"{order}IH", 8, len(tags)) + entries + bytes(4) + behind
     (tmp_path / "a.tif").write_bytes(head.ljust(200, b"\0") + planes)
     alike(tmp_path / "a.tif", PIXELS)
+    np.testing.assert_array_equal(as_pixels(Image.open(tmp_path / "a.tif")), PIXELS)
 
 
 @pytest.mark.parametrize(("bits", "notes"), [(16, 0), (12, 1)])
@@ -160,6 +162,7 @@ def test_colours_of_12_bits_in_16_are_not_black(tmp_path, bits, notes):
     photo, said = read_photo(path)
     assert abs(photo.astype(int) - PIXELS).max() <= 15 * notes
     assert len(said) == notes
+    np.testing.assert_array_equal(as_pixels(Image.open(path)), photo)
     dark = saved(tmp_path / "b.png", Image.fromarray(PIXELS // 17))
     alike(dark, PIXELS // 17)
 
@@ -210,7 +213,11 @@ def test_the_orientation_is_that_of_the_camera_or_left_out_where_it_is_damaged(t
     turned = Image.Exif()
     turned[0x0112] = 6  # a quarter to the right
     path = saved(tmp_path / "a.png", exif=turned)
-    alike(path, np.rot90(PIXELS, -1))
+    alike(path, upright := np.rot90(PIXELS, -1))
+    given = Image.open(path)
+    for _ in range(2):  # it is not turned itself
+        np.testing.assert_array_equal(as_pixels(given), upright)
+    assert given.getexif()[0x0112] == 6
     texts = PngInfo()
     texts.add_text("Comment", "words")
     alike(saved(tmp_path / "b.png", pnginfo=texts), PIXELS)
