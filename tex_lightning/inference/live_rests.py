@@ -1,5 +1,6 @@
 """Find the rests and knocks of a tool in a signal that goes on."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ from tex_lightning.data.decode import Array
 from tex_lightning.senses.features.movement import (
     block_length,
     block_power,
+    of_samples,
     power_limits,
     reach,
     rests_and_knocks,
@@ -43,7 +45,7 @@ class LiveRests:
         self.horizon = self.run + reach(self.run)  # blocks that may still change what one is
         self.powers: Array = np.zeros(0, np.float32)  # of all blocks, in order of size
         self.before: Array = np.zeros(0, np.float32)  # of the last settled ones
-        self.limit = 0.0  # power below which blocks are quiet
+        self.limits = 0.0, math.inf, math.inf  # of the power of a rest, a bump and a knock, by now
         self.pending: Tensor | None = None
 
     def push(self, new: Tensor, ahead: Tensor) -> tuple[MarkedSignal, MarkedSignal]:
@@ -68,13 +70,17 @@ class LiveRests:
     def _judge(self, now: Tensor, length: int, settled: int) -> Tensor:
         power = block_power(now, length).cpu().numpy()
         every = np.insert(self.powers, np.searchsorted(self.powers, np.sort(power)), np.sort(power))
-        self.limit, bump, knock = (float(x) for x in power_limits(torch.from_numpy(every)))
+        rest, bump, knock = (float(x) for x in power_limits(torch.from_numpy(every)))
+        self.limits = rest, bump, knock
         known = torch.from_numpy(np.concatenate((self.before, power)))
-        out = rests_and_knocks(known, self.limit, bump, knock, self.run)[len(self.before) :].to(
-            now.device
-        )
+        out = rests_and_knocks(known, *self.limits, self.run)[len(self.before) :].to(now.device)
         done = np.sort(power[:settled])
         self.powers = np.insert(self.powers, np.searchsorted(self.powers, done), done)
         self.before = np.concatenate((self.before, power[:settled]))[-self.horizon :]
-        block = torch.arange(now.shape[1], device=now.device) // length
-        return out[block.clamp(max=len(power) - 1)]
+        return of_samples(out, now.shape[1], length)
+
+    def judged_again(self, signal: Tensor) -> Tensor:
+        """Return which samples (samples,) of a stretch (axes, samples) are left out by now."""
+        assert self.length is not None
+        out = rests_and_knocks(block_power(signal, self.length), *self.limits, self.run)
+        return of_samples(out, signal.shape[1], self.length)

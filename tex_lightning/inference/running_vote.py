@@ -122,11 +122,15 @@ class RunningVote(ABC):
 
     def _added(self) -> Sums:
         """Return the sums of all fragments that are no rests by the present limit of power."""
-        limit, sums = self.rests.limit, self._blank()
-        least = PER_OCTAVE * math.log2(limit) if limit > 0 else -math.inf
+        sums = self._blank()
         for key, some in self.sums.items():
-            sums = sums.joined(some) if key + 1 > least else sums
+            sums = sums if self._is_rest(key) else sums.joined(some)
         return sums
+
+    def _is_rest(self, key: float) -> bool:
+        """Return whether fragments of some power in quarter octaves are a rest by now."""
+        limit, *_ = self.rests.limits
+        return limit > 0 and key + 1 <= PER_OCTAVE * math.log2(limit)
 
     def _blank(self) -> Sums:
         return Sums(Tally(len(self.card.classes), self.card.temperature))
@@ -284,6 +288,8 @@ class RunningProportionsVote(RunningVote):
         more, ahead = settled.movement, rest.movement
         self.kept = more if self.kept is None else torch.cat((self.kept, more), dim=1)
         self.sum = self.sum.cpu() + more.cpu().double().sum(dim=1, keepdim=True)
+        if self.sums and self._is_rest(max(self.sums)):
+            self._begin_again(self.kept)
         self._add_fragments(self.kept)
         movement = torch.cat((self.kept, ahead), dim=1)
         if self.count:
@@ -292,6 +298,12 @@ class RunningProportionsVote(RunningVote):
             return self._vote(self._part(movement, mean))
         self.features.check_length(movement)
         return self._vote(self._embedding(self.features.describe(movement)))
+
+    def _begin_again(self, kept: Tensor) -> None:
+        """Forget all fragments, which were a rest before the tool moved, and what is left of it."""
+        self.kept = kept[:, ~self.rests.judged_again(kept)]
+        self.sum = self.kept.cpu().double().sum(dim=1, keepdim=True)
+        self.first, self.count, self.sums = 0, 0, {}
 
     def _add_fragments(self, kept: Tensor) -> None:
         """Add all fragments but the last ones, and drop samples that no later one depends on."""
