@@ -106,6 +106,17 @@ def test_three_lines_are_a_model(strokes, fitted):
     assert len(fitted.transform(x)) == 12
 
 
+def test_a_class_in_counts_beside_others_in_volts_is_told(strokes):
+    x, y = strokes
+    mixed = [
+        (9000 * row).astype(np.int16) if label == "b" else row
+        for row, label in zip(x, y, strict=True)
+    ]
+    with pytest.warns(UserWarning, match="4 of 12 traces, of b alone, are"):
+        model = tl.Estimator("few/haptic", rate=SLOW_RATE).fit(mixed, y)
+    assert len(model.notes_) == 1
+
+
 def forms(x: np.ndarray) -> dict[str, object]:
     """The same recordings as people have them."""
     return {

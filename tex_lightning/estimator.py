@@ -62,6 +62,7 @@ from tex_lightning.errors import InvalidInput
 from tex_lightning.inference.prediction import Prediction
 from tex_lightning.inference.predictor import Predictor, load
 from tex_lightning.learning.adaptation import adapt, sample_features
+from tex_lightning.studies.description import signal_notes
 from tex_lightning.studies.fold import open_training, train_model
 from tex_lightning.tasks.enroll import enroll, open_new_classes
 from tex_lightning.tasks.export import export_classifier
@@ -95,6 +96,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
 
     Attributes:
         classes_: Labels in the order of the columns of :meth:`predict_proba`.
+        notes_: What looks wrong in the recordings, a sentence each, which is a warning, too.
         predictor_: What :func:`tex_lightning.load` gives for the trained model.
         adaptation_: What :meth:`adapt` did last: ``reason`` why it left the model as it was, or an
             empty text, and numbers (:class:`~tex_lightning.learning.adaptation.Adaptation`).
@@ -173,6 +175,8 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             classifier = self._train(config, job)
             self.classes_, self.predictor_ = classes, Predictor(classifier, config)
             self._keep_shape(X)
+        for note in self.notes_:
+            warnings.warn(note, stacklevel=2)
         return self
 
     def predict(self, X: Any) -> Array:  # noqa: ANN401
@@ -423,7 +427,9 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             self.run_folder_ = folder = Path(self.directory).expanduser().resolve() / name
         with joining(processes := set_devices(config)):
             check_processes(config, job, processes)
-            train_model(config, open_training(config, folder), folder)
+            dataset = open_training(config, folder)
+            self.notes_ = signal_notes(dataset)
+            train_model(config, dataset, folder)
         return load_classifier(checkpoint_of(folder, config.model.kind))
 
     def __sklearn_is_fitted__(self) -> bool:

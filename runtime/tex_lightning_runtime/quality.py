@@ -168,15 +168,15 @@ class Level:
         return float(np.sqrt(np.sum(self.squares) / self.samples))
 
 
-def trace_measures(trace: Array, rate: float, sampling_rate: float) -> dict[str, float]:
-    """Measure a signal.
+def trace_measures(level: float, rate: float, sampling_rate: float) -> dict[str, float]:
+    """Return what is compared of a signal.
 
     Args:
-        trace: (axes, samples), decoded.
+        level: That of the decoded signal (:func:`level`).
         rate: Rate of the recording in Hz.
         sampling_rate: Rate in Hz to which it was resampled: a higher rate adds nothing.
     """
-    return {"level": level(trace), "rate": min(rate, sampling_rate)}
+    return {"level": level, "rate": min(rate, sampling_rate)}
 
 
 def photo_quality(photo: Array, usual: Limits, what: str) -> Quality:

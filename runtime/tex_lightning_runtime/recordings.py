@@ -8,7 +8,13 @@ from typing import Any, NamedTuple
 from tex_lightning_runtime.errors import require
 from tex_lightning_runtime.photos import read_photo
 from tex_lightning_runtime.pixels import as_pixels, halve, middle
-from tex_lightning_runtime.quality import Quality, photo_quality, trace_measures, trace_quality
+from tex_lightning_runtime.quality import (
+    Quality,
+    level,
+    photo_quality,
+    trace_measures,
+    trace_quality,
+)
 from tex_lightning_runtime.resampling import to_rate
 from tex_lightning_runtime.samples import Array, as_trace, check_samples
 from tex_lightning_runtime.traces import read_samples
@@ -63,7 +69,7 @@ def assess(raw: Raw, sense: dict[str, Any]) -> Decoded:
     axes, target = len(raw.samples), sense["rate"]
     require(axes in sense["axes"], f"Give a trace of {sense['axes']} axes, not {axes}.")
     trace = to_rate(raw.samples, raw.rate, target, raw.name, REMEDY)
-    measures = trace_measures(trace, raw.rate, target)
+    measures = trace_measures(level(trace), raw.rate, target)
     quality = trace_quality(raw.samples, sense["limits"], sense["what"], measures)
     return Decoded(trace, trace, quality)
 

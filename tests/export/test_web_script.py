@@ -18,7 +18,13 @@ from scipy.signal import chirp, resample_poly
 from tex_lightning.classifier.vote import random_tuples
 from tex_lightning.export import web_page
 from tex_lightning_runtime.pixels import halve
-from tex_lightning_runtime.quality import limits, photo_quality, trace_measures, trace_quality
+from tex_lightning_runtime.quality import (
+    level,
+    limits,
+    photo_quality,
+    trace_measures,
+    trace_quality,
+)
 from tex_lightning_runtime.resampling import find_spikes, rate_ratio, without_spikes
 from tex_lightning_runtime.samples import content_seed
 from tex_lightning_runtime.traces import read_samples
@@ -225,7 +231,7 @@ def test_warnings_of_signals_are_those_of_the_package(node):
     )  # fmt: skip
     for trace, quality in zip(TRACES.values(), found, strict=True):
         expected = trace_quality(
-            trace, limits(RANGES), "trace", trace_measures(trace, 4000.0, 10_000.0)
+            trace, limits(RANGES), "trace", trace_measures(level(trace), 4000.0, 10_000.0)
         )
         assert quality == {"warnings": list(expected.warnings), "empty": expected.empty}
 

@@ -211,11 +211,11 @@ def training_ranges(rows: Iterable[Recording], store: Store) -> dict[str, list[f
     """Measure training recordings of one modality: each measure's ends, by quantiles."""
     values: dict[str, list[float]] = defaultdict(list)
     for row in rows:
-        decoder, recording = store.decoders[row.modality], store.load(row)
+        decoder = store.decoders[row.modality]
         if isinstance(decoder, SignalDecoder):
-            measures = trace_measures(recording, store.rate(row), decoder.sampling_rate)
+            measures = trace_measures(store.level(row), store.rate(row), decoder.sampling_rate)
         else:
-            measures = photo_measures(recording)
+            measures = photo_measures(store.load(row))
         for name, value in measures.items():
             values[name].append(value)
     return {name: np.quantile(numbers, QUANTILES).tolist() for name, numbers in values.items()}

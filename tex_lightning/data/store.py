@@ -32,6 +32,7 @@ from tex_lightning.data.recordings import Recording, cut_part
 from tex_lightning.errors import UserError, reason
 from tex_lightning_runtime.columns import Reading
 from tex_lightning_runtime.files import require_file
+from tex_lightning_runtime.quality import level
 from tex_lightning_runtime.traces import axis_files, map_array
 
 MAX_LINES = 20
@@ -68,7 +69,7 @@ def skipped_entry(unusable: Iterable[Unusable]) -> list[dict[str, str]]:
 
 
 DIGITS = 32  # of a digest; checkpoints keep one for each recording
-LAYOUT = 11  # version of the entries: those of another version are decoded again
+LAYOUT = 12  # version of the entries: those of another version are decoded again
 KEPT = 1 << 17  # entries of which facts stay in memory; an entry never changes
 UNREADABLE = (OSError, ValueError, EOFError)  # not there yet, or damaged by a full disk
 SIZE = struct.Struct("<Q")  # length of the JSON of a trace, at the end of its entry
@@ -155,9 +156,13 @@ class Store:
         """Return the sampling rate of a trace's file in Hz."""
         return self._read(recording, _told)[0]
 
+    def level(self, recording: Recording) -> float:
+        """Return the level of a trace, see :func:`~tex_lightning_runtime.quality.level`."""
+        return self._read(recording, _told)[1]
+
     def reading(self, recording: Recording) -> Reading:
         """Return how the file of a trace was read."""
-        return self._read(recording, _told)[1]
+        return self._read(recording, _told)[2]
 
     def _read(self, recording: Recording, read: Callable[[Path], T]) -> T:
         """Read from the entry of a recording; decode it if the cache has no complete entry."""
@@ -244,24 +249,26 @@ class Store:
 
 
 def _save(path: Path, decoded: Decoded) -> None:
-    """Write the array, and behind it the rate and the reading of a trace as JSON."""
+    """Write the array, and behind it rate, level and reading of a trace as JSON."""
     with path.open("wb") as stream:
         np.save(stream, decoded.array, allow_pickle=False)
         if decoded.reading is not None:
-            facts = json.dumps({"rate": decoded.rate, **asdict(decoded.reading)}).encode()
+            told = {"rate": decoded.rate, "level": level(decoded.array)}
+            facts = json.dumps({**told, **asdict(decoded.reading)}).encode()
             stream.write(facts + SIZE.pack(len(facts)))
 
 
 @lru_cache(maxsize=KEPT)  # the opening of a run asks for each a dozen times
-def _told(entry: Path) -> tuple[float, Reading]:
-    """Read the JSON behind the array of a trace: the rate of its file, and how that was read."""
+def _told(entry: Path) -> tuple[float, float, Reading]:
+    """Read the JSON behind the array of a trace: rate of its file, level, and how it was read."""
     with entry.open("rb") as stream:
         end = stream.seek(-SIZE.size, os.SEEK_END)
         (size,) = SIZE.unpack(stream.read())
         stream.seek(max(0, end - size))
         facts: dict[str, Any] = json.loads(stream.read(min(size, end)))
     lists = {name: tuple(facts[name]) for name in ("axes", "left_out", "notes")}
-    return float(facts["rate"]), Reading(rate_from=facts["rate_from"], **lists)
+    reading = Reading(rate_from=facts["rate_from"], **lists)
+    return float(facts["rate"]), float(facts["level"]), reading
 
 
 @lru_cache(maxsize=KEPT)

@@ -28,7 +28,14 @@ from tex_lightning.perturbations.traces import disturbed
 from tex_lightning.senses.base import Change, Sense, as_tensor
 from tex_lightning.senses.features.proportions import BandProportions
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
-from tex_lightning_runtime.quality import Quality, Ranges, limits, trace_measures, trace_quality
+from tex_lightning_runtime.quality import (
+    Quality,
+    Ranges,
+    level,
+    limits,
+    trace_measures,
+    trace_quality,
+)
 from tex_lightning_runtime.resampling import to_rate
 from tex_lightning_runtime.samples import Channels, as_trace
 
@@ -258,7 +265,7 @@ class SignalSense(Sense):
         """
         target = self.decoder.sampling_rate
         trace = to_rate(raw, rate, target, name)
-        usual, measures = limits(ranges), trace_measures(trace, rate, target)
+        usual, measures = limits(ranges), trace_measures(level(trace), rate, target)
         return torch.from_numpy(trace), trace_quality(raw, usual, self.what, measures)
 
 

@@ -5,6 +5,7 @@ import logging
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from statistics import median
 from typing import Any, cast
@@ -33,6 +34,7 @@ from tex_lightning_runtime.columns import Reading
 from tex_lightning_runtime.quality import MEASURES
 
 MAX_KINDS, MAX_NOTES = 5, 5  # ways of reading, and notes of files, that the opening lists
+UNITS_APART = 100.0  # between levels that follow each other; of our recordings they are 1.5 at most
 MAX_EXAMPLES = 24  # classes of which an example is drawn
 log = logging.getLogger(__name__)
 
@@ -60,11 +62,6 @@ def describe_data(
     ]
     more = [f"{len(same) - MAX_NOTES} more contents are in several files (task=inspect)."]
     notes += [*same[:MAX_NOTES], *(more if len(same) > MAX_NOTES else [])]
-    for modality in modalities:
-        if isinstance(dataset.store.decoders[modality], SignalDecoder):
-            signals = rows.of(modality)
-            for notes_on in (rate_warnings, assumed_rate, other_axes, reading_notes):
-                notes += notes_on(signals, dataset.store)
     return {
         "name": data.name,
         "from": str(data.manifest or data.root or ""),
@@ -75,8 +72,19 @@ def describe_data(
         },
         "folds": _folds(divisions) if divisions else "",
         "skipped": skipped_entry(dataset.skipped),
-        "notes": notes,
+        "notes": [*notes, *signal_notes(dataset)],
     }
+
+
+def signal_notes(dataset: Dataset) -> list[str]:
+    """Return what looks wrong in signals: rates, axes, units, and how files were read."""
+    notes: list[str] = []
+    for modality, decoder in dataset.store.decoders.items():
+        signals = dataset.recordings.of(modality)
+        if isinstance(decoder, SignalDecoder) and len(signals):
+            for notes_on in (rate_warnings, assumed_rate, other_axes, other_units, reading_notes):
+                notes += notes_on(signals, dataset.store)
+    return notes
 
 
 def _describe_modality(
@@ -245,7 +253,8 @@ def assumed_rate(signals: Recordings, store: Store) -> list[str]:
         return []
     return [
         f"The rate of {len(rows)} of {len(signals)} {plural(rows[0].modality)} is only assumed, "
-        f"{store.rate(rows[0]):,.6g} Hz: neither file nor table says it, so give data.file_rate=HZ."
+        f"{store.rate(rows[0]):,.6g} Hz: neither file nor table says it, so give data.file_rate=HZ "
+        "(an estimator: rate)."
     ]
 
 
@@ -281,6 +290,26 @@ def other_axes(signals: Recordings, store: Store) -> list[str]:
         "have by data.channels, or leave it out."
         for axes, labels in odd.items()
         if labels
+    ]
+
+
+def other_units(signals: Recordings, store: Store) -> list[str]:
+    """Warn of signals that are so much stronger than others that their unit must be another."""
+    levels = {row: level for row in signals if (level := store.level(row))}
+    rows = sorted(levels, key=levels.__getitem__)
+    steps = [levels[loud] / levels[quiet] for quiet, loud in pairwise(rows)]
+    apart = max(steps, default=0.0)
+    if apart < UNITS_APART:
+        return []
+    at = steps.index(apart) + 1
+    weak, strong = rows[:at], rows[at:]
+    labels = {row.label for row in strong}
+    whose = "" if labels & {row.label for row in weak} else f", of {listed(sorted(labels))} alone,"
+    return [
+        f"{len(strong)} of {len(signals)} {plural(rows[0].modality)}{whose} are "
+        f"{apart:,.0f} times as strong as any other (level {levels[strong[0]]:.3g} in "
+        f"{strong[0].path.name}, {levels[weak[-1]]:.3g} in {weak[-1].path.name}): bring all to one "
+        "unit and gain, or these are told apart in place of materials."
     ]
 
 
