@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from tex_lightning.networks.line import FeatureRange, RangeGate, ScoreReach
+from tex_lightning.networks.line import ScoreReach
 from tex_lightning.networks.linear import LinearNet
+from tex_lightning.networks.range import FeatureRange, RangeGate
 
 CLASSES, BANDS = 3, 12
 

@@ -21,7 +21,12 @@ from tex_lightning.core.devices import synchronise
 from tex_lightning.data.decode import Array
 from tex_lightning.errors import UserError
 from tex_lightning.inference.prediction import Prediction, make_prediction
-from tex_lightning.inference.running_vote import RunningVote, running_vote
+from tex_lightning.inference.running_proportions import RunningProportionsVote
+from tex_lightning.inference.running_spectrogram import RunningSpectrogramVote
+from tex_lightning.inference.running_vote import RunningVote
+from tex_lightning.networks.linear import LinearNet
+from tex_lightning.senses.features.proportions import BandProportions
+from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 from tex_lightning.senses.signal import SignalSense
 from tex_lightning_runtime.quality import Level, Quality, Ranges, Survey, limits, together
 from tex_lightning_runtime.resampling import (
@@ -290,3 +295,21 @@ class LiveStream:
         frames = max(x.shape[-1], sense.window_size[1])
         x = x[..., torch.arange(frames, device=x.device) % x.shape[-1]]
         return self.classifier.output_of(name, self.classifier.embedding_of_input(name, x))
+
+
+def running_vote(classifier: SurfaceClassifier) -> RunningVote | None:
+    """Return the running vote of a classifier; None if the whole signal has to be kept.
+
+    That is the case for several senses, whose fragments are drawn at random, for baselines, for
+    features that depend on the whole recording, and for features of a user.
+    """
+    if classifier.card.baseline or len(classifier.senses) > 1:
+        return None
+    (sense,) = classifier.senses.values()
+    features, network = sense.features, sense.network
+    if type(features) is BandProportions and type(network) is LinearNet:
+        return RunningProportionsVote(classifier)
+    by_frame = type(features) is SpectrogramFeatures and features.axes == "frame"
+    if by_frame and features.normalisation == "standard" and sense.geometry is not None:
+        return RunningSpectrogramVote(classifier)
+    return None

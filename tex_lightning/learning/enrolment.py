@@ -19,7 +19,8 @@ from tex_lightning.classifier.classifier import ROWS, STATISTICS, SurfaceClassif
 from tex_lightning.classifier.statistics import FeatureStatistics, TrainingRows
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import ScoreLayer, score_layer_of
-from tex_lightning.networks.line import GAINLESS, SHORT, FeatureRange, RangeGate, ScoreReach
+from tex_lightning.networks.line import GAINLESS, SHORT, ScoreReach
+from tex_lightning.networks.range import FeatureRange, RangeGate
 
 Fragments = Sequence[Sequence[Tensor]]  # by class and recording, features (D, positions)
 DRAWN = 60  # features of each class that stand for its recordings

@@ -16,8 +16,9 @@ from torch import Tensor, nn
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import Head, Level
 from tex_lightning.networks.choice import Line, fit_line
-from tex_lightning.networks.line import REACH, LineOrPlanes, RangeGate
+from tex_lightning.networks.line import REACH, LineOrPlanes
 from tex_lightning.networks.planes import DIRECTIONS
+from tex_lightning.networks.range import RangeGate
 from tex_lightning.networks.ridge import whitened
 from tex_lightning.networks.rows import Examples, LeftOut, Pair, training_rows, unit_changes
 
@@ -46,7 +47,7 @@ class LinearNet(nn.Module):
     The strength of the ridge, and whether blocks of the kinds ``power`` and ``axes`` are used, are
     chosen on the training recordings: by the squared error on groups of them that are left out of
     the fit. Groups of features that lie outside of everything in training do not count in a
-    recording (:class:`~tex_lightning.networks.line.RangeGate`).
+    recording (:class:`~tex_lightning.networks.range.RangeGate`).
 
     Another sensor, clock or hand changes the features of a stroke, and must not change its class.
     So the scores hardly follow the directions in which disturbed recordings differ from themselves:
