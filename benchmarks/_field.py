@@ -14,7 +14,7 @@ from tex_lightning.report.style import COLOURS, GUIDE, styled
 OURS, BEST, PEER = COLOURS[4], "#222222", "#8a8a8a"
 GAP = 0.095  # of the height of a panel, between names
 COLUMNS = 4
-TICKS = {1: "1", 10: "10", 100: "100", 1000: "1,000"}
+TICKS = {1: "1", 10: "10", 100: "100", 1000: "1 s"}
 Array = np.ndarray[Any, Any]
 Node = dict[str, Any]
 

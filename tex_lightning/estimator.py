@@ -62,8 +62,8 @@ from tex_lightning.errors import InvalidInput
 from tex_lightning.inference.prediction import Prediction
 from tex_lightning.inference.predictor import Predictor, load
 from tex_lightning.learning.adaptation import adapt, sample_features
-from tex_lightning.studies.description import signal_notes
 from tex_lightning.studies.fold import open_training, train_model
+from tex_lightning.studies.notes import recording_notes
 from tex_lightning.tasks.enroll import enroll, open_new_classes
 from tex_lightning.tasks.export import export_classifier
 from tex_lightning_runtime.quality import Quality
@@ -428,7 +428,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         with joining(processes := set_devices(config)):
             check_processes(config, job, processes)
             dataset = open_training(config, folder)
-            self.notes_ = signal_notes(dataset)
+            self.notes_ = recording_notes(dataset)
             train_model(config, dataset, folder)
         return load_classifier(checkpoint_of(folder, config.model.kind))
 

@@ -2,14 +2,8 @@
 
 import json
 import re
-from pathlib import Path
-from types import SimpleNamespace
 
-import pytest
-
-from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.report.data_page import data_tables
-from tex_lightning.studies.description import other_axes, other_units
 
 
 def test_the_opening_says_rate_axes_and_what_is_trained_and_tested(cli, tiny, tmp_path):
@@ -50,40 +44,3 @@ def test_the_report_of_a_training_has_what_its_data_are(fused):
     assert [row["class"] for row in by_class.rows] == ["alpha", "beta", "gamma"]
     for text in (*facts.values(), "examples: haptic", "examples: image"):
         assert text in page
-
-
-@pytest.mark.parametrize(
-    ("axes", "told"),
-    [
-        ({"oak": "ax", "elm": "ax", "ash": "force"}, ["ash alone has the axes force"]),
-        ({"oak": "ax", "elm": "ax", "ash": ""}, []),
-        ({"oak": "ax", "elm": "force"}, []),
-    ],
-)
-def test_a_class_of_another_sensor_is_told(axes, told):
-    rows = tuple(Recording(label, "haptic", Path(label), 0) for label in axes)
-    store = SimpleNamespace(
-        reading=lambda row: SimpleNamespace(axes=(axes[row.label],) if axes[row.label] else ())
-    )
-    notes = other_axes(Recordings(rows), store)
-    assert [note.partition(",")[0] for note in notes] == told
-
-
-@pytest.mark.parametrize(
-    ("levels", "told"),
-    [
-        ({"oak": [0.1, 0.3], "elm": [0.02, 0.05]}, ""),
-        ({"oak": [0.1, 0.3], "elm": [9000.0, 4000.0]}, "2 of 4 traces, of elm alone, are 13,333"),
-        ({"oak": [0.1, 4000.0], "elm": [9000.0, 0.4]}, "2 of 4 traces are 10,000 times as strong"),
-        ({"oak": [0.0, 0.3], "elm": [0.02, 0.0]}, ""),  # a silent one has no unit
-    ],
-)
-def test_classes_in_another_unit_are_told(levels, told):
-    level = {
-        Recording(label, "haptic", Path(f"{value}"), number): value
-        for label, values in levels.items()
-        for number, value in enumerate(values)
-    }
-    notes = other_units(Recordings(tuple(level)), SimpleNamespace(level=level.get))
-    assert len(notes) == bool(told)
-    assert not told or notes[0].startswith(told)

@@ -6,7 +6,7 @@ import pytest
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import Store
-from tex_lightning.studies.description import rate_warnings
+from tex_lightning.studies.notes import rate_warnings
 
 
 @pytest.fixture

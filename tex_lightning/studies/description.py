@@ -5,10 +5,9 @@ import logging
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from statistics import median
-from typing import Any, cast
+from typing import Any
 
 from rich.text import Text
 
@@ -20,7 +19,6 @@ from tex_lightning.data.folds import split, tested_part
 from tex_lightning.data.inspection import copies
 from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.store import Store, skipped_entry
-from tex_lightning.errors import listed
 from tex_lightning.report.data_page import (
     FILE,
     PARTS,
@@ -29,12 +27,11 @@ from tex_lightning.report.data_page import (
     facts_of,
 )
 from tex_lightning.studies.dataset import Dataset
+from tex_lightning.studies.notes import MAX_NOTES, recording_notes
 from tex_lightning.text import printable_lines
 from tex_lightning_runtime.columns import Reading
-from tex_lightning_runtime.quality import MEASURES
 
-MAX_KINDS, MAX_NOTES = 5, 5  # ways of reading, and notes of files, that the opening lists
-UNITS_APART = 100.0  # between levels that follow each other; of our recordings they are 1.5 at most
+MAX_KINDS = 5  # ways of reading that the opening lists
 MAX_EXAMPLES = 24  # classes of which an example is drawn
 log = logging.getLogger(__name__)
 
@@ -72,19 +69,8 @@ def describe_data(
         },
         "folds": _folds(divisions) if divisions else "",
         "skipped": skipped_entry(dataset.skipped),
-        "notes": [*notes, *signal_notes(dataset)],
+        "notes": [*notes, *recording_notes(dataset)],
     }
-
-
-def signal_notes(dataset: Dataset) -> list[str]:
-    """Return what looks wrong in signals: rates, axes, units, and how files were read."""
-    notes: list[str] = []
-    for modality, decoder in dataset.store.decoders.items():
-        signals = dataset.recordings.of(modality)
-        if isinstance(decoder, SignalDecoder) and len(signals):
-            for notes_on in (rate_warnings, assumed_rate, other_axes, other_units, reading_notes):
-                notes += notes_on(signals, dataset.store)
-    return notes
 
 
 def _describe_modality(
@@ -246,73 +232,6 @@ def _spread(values: Sequence[float], unit: str, form: str) -> str:
     return f"{low if low == high else f'{low} to {high}'} {unit}".rstrip()
 
 
-def assumed_rate(signals: Recordings, store: Store) -> list[str]:
-    """Say that nobody has given the rate of signals, of which everything depends on it."""
-    rows = [row for row in signals if store.reading(row).rate_from.startswith(ASSUMED)]
-    if not rows:
-        return []
-    return [
-        f"The rate of {len(rows)} of {len(signals)} {plural(rows[0].modality)} is only assumed, "
-        f"{store.rate(rows[0]):,.6g} Hz: neither file nor table says it, so give data.file_rate=HZ "
-        "(an estimator: rate)."
-    ]
-
-
-def rate_warnings(signals: Recordings, store: Store) -> list[str]:
-    """Warn of signals of a much lower rate than others."""
-    modality = signals.rows[0].modality
-    rates = {row: store.rate(row) for row in signals}
-    highest = min(max(rates.values()), cast(SignalDecoder, store.decoders[modality]).sampling_rate)
-    low = [row for row, hz in rates.items() if hz * MEASURES["rate"][0] < highest]
-    if not low:
-        return []
-    slowest = min(low, key=lambda row: rates[row])
-    return [
-        f"{len(low)} of {len(rates)} {plural(modality)} have a lower rate than the {highest:,.6g} "
-        f"Hz of others, {rates[slowest]:,.6g} Hz in {slowest.path.name}, and nothing above half of "
-        f"it: record all at one rate, or set data.sampling_rate={rates[slowest]:g}."
-    ]
-
-
-def other_axes(signals: Recordings, store: Store) -> list[str]:
-    """Warn of classes whose columns have other names than those that other classes share."""
-    classes: dict[tuple[str, ...], set[str]] = defaultdict(set)
-    for row in signals:
-        if axes := store.reading(row).axes:
-            classes[axes].add(row.label)
-    usual = max(classes, key=lambda axes: len(classes[axes]), default=())
-    odd = {axes: [*labels - classes[usual]] for axes, labels in classes.items() if axes != usual}
-    if len(classes.get(usual, ())) < 2:
-        return []
-    return [
-        f"{listed(sorted(labels))} alone has the axes {', '.join(axes)}, and other classes "
-        f"{', '.join(usual)}: sensors may be told apart in place of classes; choose axes that all "
-        "have by data.channels, or leave it out."
-        for axes, labels in odd.items()
-        if labels
-    ]
-
-
-def other_units(signals: Recordings, store: Store) -> list[str]:
-    """Warn of signals that are so much stronger than others that their unit must be another."""
-    levels = {row: level for row in signals if (level := store.level(row))}
-    rows = sorted(levels, key=levels.__getitem__)
-    steps = [levels[loud] / levels[quiet] for quiet, loud in pairwise(rows)]
-    apart = max(steps, default=0.0)
-    if apart < UNITS_APART:
-        return []
-    at = steps.index(apart) + 1
-    weak, strong = rows[:at], rows[at:]
-    labels = {row.label for row in strong}
-    whose = "" if labels & {row.label for row in weak} else f", of {listed(sorted(labels))} alone,"
-    return [
-        f"{len(strong)} of {len(signals)} {plural(rows[0].modality)}{whose} are "
-        f"{apart:,.0f} times as strong as any other (level {levels[strong[0]]:.3g} in "
-        f"{strong[0].path.name}, {levels[weak[-1]]:.3g} in {weak[-1].path.name}): bring all to one "
-        "unit and gain, or these are told apart in place of materials."
-    ]
-
-
 def readings(signals: Recordings, store: Store) -> list[str]:
     """Say how files of signals were read: once for all that agree, those of most files first."""
     rates: dict[Reading, list[float]] = defaultdict(list)
@@ -327,17 +246,3 @@ def readings(signals: Recordings, store: Store) -> list[str]:
         lines.append(some + kind.said(*sorted({min(values), max(values)})))
     more = len(rates) - MAX_KINDS
     return [*lines, f"and in {more} more ways"] if more > 0 else lines
-
-
-def reading_notes(signals: Recordings, store: Store) -> list[str]:
-    """Say what was skipped, filled or is in doubt, and in which files."""
-    found: dict[str, list[Path]] = defaultdict(list)
-    for row in signals:
-        for note in store.reading(row).notes:
-            found[note].append(row.path)
-    notes = [
-        f"{first}{f' and {len(others)} more' if others else ''}: {note}."
-        for note, (first, *others) in found.items()
-    ]
-    more = [f"And {len(notes) - MAX_NOTES} more such notes."] if len(notes) > MAX_NOTES else []
-    return notes[:MAX_NOTES] + more

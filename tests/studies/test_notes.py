@@ -1,0 +1,72 @@
+"""What looks wrong in recordings, and is said before anything is trained."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from tex_lightning.data.recordings import Recording, Recordings
+from tex_lightning.studies.notes import other_axes, other_cameras, other_units
+
+
+@pytest.mark.parametrize(
+    ("axes", "told"),
+    [
+        ({"oak": "ax", "elm": "ax", "ash": "force"}, ["ash alone has the axes force"]),
+        ({"oak": "ax", "elm": "ax", "ash": ""}, []),
+        ({"oak": "ax", "elm": "force"}, []),
+    ],
+)
+def test_a_class_of_another_sensor_is_told(axes, told):
+    rows = tuple(Recording(label, "haptic", Path(label), 0) for label in axes)
+    store = SimpleNamespace(
+        reading=lambda row: SimpleNamespace(axes=(axes[row.label],) if axes[row.label] else ())
+    )
+    notes = other_axes(Recordings(rows), store)
+    assert [note.partition(",")[0] for note in notes] == told
+
+
+@pytest.mark.parametrize(
+    ("levels", "told"),
+    [
+        ({"oak": [0.1, 0.3], "elm": [0.02, 0.05]}, ""),
+        ({"oak": [0.1, 0.3], "elm": [9000.0, 4000.0]}, "2 of 4 traces, of elm alone, are 13,333"),
+        ({"oak": [0.1, 4000.0], "elm": [9000.0, 0.4]}, "2 of 4 traces are 10,000 times as strong"),
+        (
+            {"oak": [1.0, 2.0, 3.0], "elm": [0.003]},
+            "1 of 4 traces, of elm alone, are 333",
+        ),
+        ({"oak": [0.0, 0.3], "elm": [0.02, 0.0]}, ""),  # a silent one has no unit
+    ],
+)
+def test_classes_in_another_unit_are_told(levels, told):
+    level = {
+        Recording(label, "haptic", Path(f"{value}"), number): value
+        for label, values in levels.items()
+        for number, value in enumerate(values)
+    }
+    notes = other_units(Recordings(tuple(level)), SimpleNamespace(level=level.get))
+    assert len(notes) == bool(told)
+    assert not told or notes[0].startswith(told)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "told"),
+    [
+        ({"oak": [0.3, 0.3], "elm": [0.3, 0.4]}, ""),
+        ({"oak": [0.3, 12.0], "elm": [0.4, 12.0]}, ""),  # both cameras took both
+        (
+            {"oak": [12.0, 8.0, 8.0], "elm": [0.4]},
+            "1 of 4 photos, of elm alone, are 20",
+        ),
+    ],
+)
+def test_a_class_of_another_camera_is_told(sizes, told):
+    size = {
+        Recording(label, "image", Path(f"{value}"), number): value
+        for label, values in sizes.items()
+        for number, value in enumerate(values)
+    }
+    notes = other_cameras(Recordings(tuple(size)), SimpleNamespace(extent=size.get))
+    assert len(notes) == bool(told)
+    assert not told or notes[0].startswith(told)
