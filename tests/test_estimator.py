@@ -453,6 +453,15 @@ def test_it_is_quiet_and_leaves_no_folder(strokes, tmp_path, monkeypatch, capfd,
     assert torch.equal(torch.random.get_rng_state(), state)
 
 
+def test_a_program_in_float64_trains_alike(strokes, fitted):
+    torch.set_default_dtype(torch.float64)
+    try:
+        model = tl.Estimator("few/haptic", rate=SLOW_RATE).fit(*strokes)
+        assert (model.predict_proba(strokes[0]) == fitted.predict_proba(strokes[0])).all()
+    finally:
+        torch.set_default_dtype(torch.float32)
+
+
 def test_it_tells_and_keeps_what_is_asked_for(strokes, tmp_path, capfd):
     model = tl.Estimator(
         "haptic", rate=SLOW_RATE, debug="tiny", verbose=1, directory=tmp_path / "runs"

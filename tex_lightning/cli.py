@@ -120,8 +120,8 @@ def train(*overrides: str) -> Results:
                 "classify with tex_lightning.load."
             )
         with _quick_import():
-            from tex_lightning.core.devices import computing_threads
-        with computing_threads():
+            from tex_lightning.core.devices import own_defaults
+        with own_defaults():
             run_task(composed, job)
         file = job.directory / "results.json"
         content = json.loads(file.read_text(encoding="utf-8")) if is_rank_zero() else {}
@@ -189,6 +189,10 @@ def complain(error: object) -> int:
 
 def _run(arguments: Sequence[str]) -> int:
     """Run the jobs of the command line and return its exit status."""
+    try:
+        Path.cwd()
+    except FileNotFoundError as error:  # which Hydra would take for a fault of the run folder
+        raise UserError("The current folder was deleted; change to one that is there.") from error
     register()
     flags, overrides = split_flags(arguments)
     if not is_rank_zero():

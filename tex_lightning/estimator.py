@@ -41,6 +41,7 @@ from tex_lightning.config.overrides import as_key_value, named_model
 from tex_lightning.config.rules import check_typed
 from tex_lightning.config.user_folders import use_config_dir
 from tex_lightning.core.console import messages, verbosity
+from tex_lightning.core.devices import own_defaults
 from tex_lightning.core.progress import finishing
 from tex_lightning.core.ranks import joining
 from tex_lightning.core.run_folder import checkpoint_of
@@ -66,6 +67,7 @@ from tex_lightning.studies.fold import open_training, train_model
 from tex_lightning.studies.notes import recording_notes
 from tex_lightning.tasks.enroll import enroll, open_new_classes
 from tex_lightning.tasks.export import export_classifier
+from tex_lightning_runtime.files import expanded
 from tex_lightning_runtime.quality import Quality
 from tex_lightning_runtime.samples import readable
 
@@ -300,7 +302,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
     def save(self, path: str | Path) -> Path:
         """Write a checkpoint that :func:`tex_lightning.load` and every task take."""
         check_is_fitted(self)
-        target = Path(path).expanduser().resolve()
+        target = expanded(path).resolve()
         self.predictor_.classifier.save(target)
         return target
 
@@ -333,7 +335,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             given = {"checkpoint": checkpoint, "export.format": format}
             overrides = [as_key_value(name, value) for name, value in given.items()]
             config = checked_config(compose_config(["task=export", *overrides]))
-            out = Path(folder).expanduser()
+            out = expanded(folder)
             out.mkdir(parents=True, exist_ok=True)
             classifier = load_classifier(checkpoint)
             written = export_classifier(config, classifier, checkpoint, out)
@@ -351,7 +353,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             stack.enter_context(verbosity(self.verbose))
             stack.enter_context(messages())
             stack.enter_context(finishing())
-            stack.enter_context(torch.random.fork_rng())
+            stack.enter_context(own_defaults())
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="tex_lightning_"))
             stack.callback(use_config_dir, [])
             try:
@@ -424,7 +426,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             config = replace(config, logger={})
         else:
             name = f"{datetime.now():%Y-%m-%d_%H-%M-%S_%f}"
-            self.run_folder_ = folder = Path(self.directory).expanduser().resolve() / name
+            self.run_folder_ = folder = expanded(self.directory).resolve() / name
         with joining(processes := set_devices(config)):
             check_processes(config, job, processes)
             dataset = open_training(config, folder)

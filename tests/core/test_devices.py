@@ -4,11 +4,12 @@ import time
 from threading import Thread
 
 import cv2
+import numpy as np
 import pytest
 import torch
 
 import tex_lightning as tl
-from tex_lightning.core.devices import computing_threads, in_threads
+from tex_lightning.core.devices import computing_threads, in_threads, own_defaults
 
 
 @pytest.fixture
@@ -36,6 +37,27 @@ def in_a_thread() -> int:
     thread.start()
     thread.join()
     return found[0]
+
+
+def test_defaults_of_a_program_are_not_used_and_stay_as_they_are(untrained):
+    """Some fields compute in float64, and put every new tensor on their GPU."""
+    drawn, generated = np.random.get_state(), torch.random.get_rng_state()  # noqa: NPY002
+    torch.set_default_dtype(torch.float64)
+    torch.set_default_device("meta")
+    try:
+        tl.load(untrained / "checkpoints" / "haptic.ckpt")
+        with own_defaults():
+            np.random.seed(1)  # noqa: NPY002  (as aeon does)
+            torch.manual_seed(1)
+            made = torch.ones(1)
+            assert (made.dtype, made.device.type) == (torch.float32, "cpu")
+        made = torch.ones(1)
+        assert (made.dtype, made.device.type) == (torch.float64, "meta")
+    finally:
+        torch.set_default_dtype(torch.float32)
+        torch.set_default_device(None)
+    assert torch.equal(torch.random.get_rng_state(), generated)
+    assert (np.random.get_state()[1] == drawn[1]).all()  # noqa: NPY002
 
 
 def test_threads_are_as_many_as_asked_for_and_as_before_afterwards():

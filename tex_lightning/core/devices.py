@@ -5,11 +5,12 @@ import os
 import platform
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import cache
 from typing import TypeVar
 
 import cv2
+import numpy as np
 import torch
 
 from tex_lightning.core.progress import Item, track
@@ -208,6 +209,29 @@ def computing_threads(count: int | None = None) -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(before)
+
+
+@contextmanager
+def own_defaults() -> Iterator[None]:
+    """Work with the defaults that this package counts on, and leave a program's as they were.
+
+    Whatever type and device a program in Python gives new tensors, here they are float32 on the
+    CPU. Threads and random generators are as before afterwards.
+    """
+    dtype, elsewhere = torch.get_default_dtype(), torch.get_default_device().type != "cpu"
+    drawn = np.random.get_state()  # noqa: NPY002  (aeon seeds it)
+    generators = [torch.cuda.current_device()] if torch.cuda.is_available() else []
+    with (
+        computing_threads(),
+        torch.random.fork_rng(generators),
+        torch.device("cpu") if elsewhere else nullcontext(),  # which each call would pass through
+    ):
+        torch.set_default_dtype(torch.float32)
+        try:
+            yield
+        finally:
+            torch.set_default_dtype(dtype)
+            np.random.set_state(drawn)  # noqa: NPY002
 
 
 def in_threads(

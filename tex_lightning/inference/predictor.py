@@ -16,7 +16,7 @@ from tex_lightning.config.check import checked_config
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.instantiation import trust
 from tex_lightning.config.mistakes import MISTAKES, explain
-from tex_lightning.core.devices import pick_device, synchronise, use_tf32
+from tex_lightning.core.devices import own_defaults, pick_device, synchronise, use_tf32
 from tex_lightning.core.run_folder import find_checkpoint
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.errors import UserError, shorten
@@ -55,7 +55,8 @@ def load(path: str | Path, *overrides: str, trusted: Sequence[str] = ()) -> "Pre
         raise UserError(f"trusted is {shorten(repr(trusted))}; give a list, as in [{trusted!r}].")
     config = _compose(path, overrides)
     trust(*config.trusted, *trusted)
-    return Predictor(load_classifier(find_checkpoint(path)), config)
+    with own_defaults():  # which draws first weights
+        return Predictor(load_classifier(find_checkpoint(path)), config)
 
 
 def _compose(path: str | Path, overrides: tuple[str, ...]) -> Config:
