@@ -104,6 +104,7 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(group):
         # what is not there
         (["trainer.accelerator=mps"], "can not run on your system"),
         (["task=crossval", "crossval.only=[0,10]"], "must name folds from 0 to 9"),
+        (["data=folder", "data.root=~no_one/a"], "Nobody's home folder is known for ~no_one/a"),
         (["data=folder", "data.root=/no/such/folder"], "Folder /no/such/folder does not exist"),
         (["model=visual", "model.visual.fit.patch=50"], "patch is 50, and this network needs"),
         (["model=fusion", "model.fusion.haptic_checkpoint=/no.ckpt"], "/no.ckpt does not exist"),
@@ -121,6 +122,15 @@ def test_mistakes_end_in_one_sentence_and_status_2(cli, tmp_path, monkeypatch, a
     assert outcome.out == ""
     assert "Traceback" not in outcome.err
     assert not list(tmp_path.rglob("results.json"))
+
+
+def test_a_current_folder_that_was_deleted_is_said(cli, tmp_path, monkeypatch):
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    outcome = cli("model=haptic")
+    assert outcome.status == 2
+    assert outcome.err == "Error: The current folder was deleted; change to one that is there.\n"
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from io import TextIOWrapper
 from pathlib import Path
 
 from tex_lightning_runtime.errors import UserError, require
+from tex_lightning_runtime.files import expanded
 from tex_lightning_runtime.photos import IMAGE_SUFFIXES
 from tex_lightning_runtime.runtime import Runtime
 from tex_lightning_runtime.traces import TRACE_SUFFIXES, stands_for_all
@@ -68,7 +69,7 @@ def _samples(runtime: Runtime, inputs: list[str]) -> list[dict[str, str]]:
 
 def _files(value: str) -> list[str]:
     """A file, or what lies in a folder or matches a pattern, ordered by name with 2 before 10."""
-    path = Path(value).expanduser()
+    path = expanded(value)
     if path.is_file() or not (path.is_dir() or has_magic(value)):
         return [value]
     found = glob(f"{path}/*" if path.is_dir() else str(path), recursive=True)  # noqa: PTH207

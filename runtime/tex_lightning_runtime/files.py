@@ -8,8 +8,27 @@ from tex_lightning_runtime.errors import UserError
 MAX_LINE = 1 << 20  # bytes; what goes on without a line's end is no table
 
 
+def expanded(path: str | Path) -> Path:
+    """Return the path with ``~`` replaced; there is no home folder of who has no account."""
+    try:
+        return Path(path).expanduser()
+    except RuntimeError as error:
+        raise UserError(
+            f"Nobody's home folder is known for {path}; give a whole path, or set HOME."
+        ) from error
+
+
+def require_readable_name(path: Path) -> None:
+    """Reject a path in bytes that are no text, which libraries and reports could not take."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError as error:
+        raise UserError(f"The path {path} is no text in UTF-8; rename the marked part.") from error
+
+
 def require_file(path: Path) -> None:
-    """Reject a path that is missing, empty or no file."""
+    """Reject a path that is missing, empty or no file, or no text."""
+    require_readable_name(path)
     if not is_file(path):
         if os.path.lexists(path):
             raise UserError(

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tex_lightning_runtime.errors import require
+from tex_lightning_runtime.files import expanded
 from tex_lightning_runtime.photos import read_photo
 from tex_lightning_runtime.pixels import as_pixels, halve, middle
 from tex_lightning_runtime.quality import (
@@ -57,7 +58,7 @@ def read_trace(
         name = f"The {sense['what']}"
         samples = as_trace(given, name, sense["channels"], is_chunk=is_chunk)
         return Raw(samples, sense["rate"] if rate is None else rate, name)
-    path, usual = Path(given).expanduser(), sense["file_rate"] if rate is None else rate
+    path, usual = expanded(given), sense["file_rate"] if rate is None else rate
     samples, own, reading = read_samples(path, sense["channels"], sense.get("time_unit"))
     check_samples(samples, name := f"Trace {path}")
     _tell(path, reading.notes)
@@ -77,7 +78,7 @@ def assess(raw: Raw, sense: dict[str, Any]) -> Decoded:
 def _photo(given: Any, sense: dict[str, Any]) -> Decoded:
     what, name, least = sense["what"], f"The {sense['what']}", sense["least"] or 1
     if isinstance(given, str | Path):
-        path = Path(given).expanduser()
+        path = expanded(given)
         name = f"Image {path}"
         photo, notes = read_photo(path)
         _tell(path, notes)

@@ -107,3 +107,13 @@ def test_a_damaged_record_is_one_sentence(tmp_path, content):
         UserError, match=rf"^Record {path} is [^\n]*; delete it and run its command again\.$"
     ):
         read_record(path)
+
+
+def test_a_name_in_bytes_that_are_no_text_is_refused_and_can_be_reported(tmp_path):
+    """As files have from an archive of a system with another encoding."""
+    path = tmp_path / os.fsdecode(b"stra\xdfe.wav")
+    path.touch()
+    with pytest.raises(UserError, match=r"stra\\udcdfe.wav is no text in UTF-8; rename"):
+        fingerprint(path)
+    write_text(tmp_path / "report", str(path))
+    assert (tmp_path / "report").read_text().endswith(r"stra\udcdfe.wav")

@@ -90,6 +90,13 @@ def test_a_file_system_without_locks_is_said_and_works(tmp_path, monkeypatch, ca
     assert "lies on a file system without locks" in caplog.text
 
 
+def test_a_run_folder_in_bytes_that_are_no_text_is_refused(tmp_path):
+    folder = tmp_path / os.fsdecode(b"stra\xdfe")
+    with pytest.raises(UserError, match="is no text in UTF-8"), locked_folder(folder):
+        pass
+    assert not folder.exists()
+
+
 def test_a_command_that_fails_at_once_leaves_no_empty_folders(cli):
     for arguments in (["decision.pairs=-1"], ["data=folder", "data.root=/nowhere"]):
         assert cli("model=haptic", *arguments).status == 2

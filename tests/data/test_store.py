@@ -188,6 +188,15 @@ def test_a_missing_file_and_an_unwritable_cache_are_said(store, surfaces, tmp_pa
         cache_root(str(tmp_path / "file"))
 
 
+def test_who_has_no_home_folder_is_told_to_name_a_cache(monkeypatch):
+    """As a user that a container was started as, whom its system does not know."""
+    for name in ("HOME", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("pwd.getpwuid", Mock(side_effect=KeyError))
+    with pytest.raises(UserError, match=r"Cache folder ~ .*set data\.cache_dir"):
+        cache_root(None)
+
+
 def test_parts_of_a_file_make_the_whole_and_have_entries_of_their_own(store, surfaces):
     for modality in ("haptic", "image"):
         row = read_folder(surfaces).of(modality).rows[0]

@@ -72,6 +72,13 @@ def test_mistakes_are_told(cli, stream, monkeypatch, content, arguments, said):
     assert "Traceback" not in outcome.err
 
 
+def test_a_closed_standard_input_is_said(cli, stream, monkeypatch):
+    monkeypatch.setattr(sys, "stdin", None)
+    outcome = cli("task=stream", *stream, "haptic=-")
+    assert outcome.status == 2
+    assert "Error: Standard input is closed" in outcome.err
+
+
 def test_another_rate_is_resampled_on_the_way(cli, stream, tmp_path, monkeypatch):
     rate = 16_000
     samples = resample_poly(make_trace(1, 42, seconds=3.05), rate, RATE).astype("<f4")

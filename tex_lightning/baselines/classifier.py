@@ -30,6 +30,7 @@ from tex_lightning.senses.features.dft321 import dft321, quick_length
 from tex_lightning.senses.features.movement import moving
 from tex_lightning.senses.photo import PhotoSense
 from tex_lightning.senses.signal import SignalSense
+from tex_lightning_runtime.files import expanded
 
 if TYPE_CHECKING:
     from tex_lightning.baselines.base import Array, Baseline
@@ -241,7 +242,7 @@ def load_classifier(path: str | Path) -> SurfaceClassifier:
     Raises:
         UserError: If the file cannot be used, or a library that the baseline needs is missing.
     """
-    path, content = Path(path).expanduser(), read_checkpoint(path)
+    path, content = expanded(path), read_checkpoint(path)
     if not isinstance(content, dict) or "baseline" not in content:
         return SurfaceClassifier.from_content(path, content)
     with reading(path):

@@ -12,6 +12,7 @@ from tex_lightning.core.console import suppress_warnings
 from tex_lightning.core.contract import fault_of
 from tex_lightning.errors import UserError, shorten
 from tex_lightning.networks.archives import check_archive
+from tex_lightning_runtime.files import expanded
 
 PREFIX = "classifier."  # in the state of a LightningModule
 
@@ -22,7 +23,7 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
     Raises:
         UserError: If the file is missing or no checkpoint.
     """
-    path = Path(path).expanduser()
+    path = expanded(path)
     if not path.is_file():
         raise UserError(f"Checkpoint {path} does not exist; check the path.")
     with reading(path), suppress_warnings():

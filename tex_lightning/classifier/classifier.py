@@ -41,6 +41,7 @@ from tex_lightning.networks.fusionnet import FusionLayer, bounded, scored_by
 from tex_lightning.networks.line import LineOrPlanes
 from tex_lightning.senses.base import Sense, content
 from tex_lightning.senses.making import make_sense
+from tex_lightning_runtime.files import expanded
 from tex_lightning_runtime.samples import content_seed
 
 STATISTICS, ROWS = "statistics.", "rows."  # in its own
@@ -156,7 +157,7 @@ class SurfaceClassifier(nn.Module):
             UserError: If the file is missing, damaged, from elsewhere, a baseline's or of another
                 kind.
         """
-        path = Path(path).expanduser()
+        path = expanded(path)
         classifier = cls.from_content(path, read_checkpoint(path))
         if kind is not None and classifier.card.kind != kind:
             raise UserError(

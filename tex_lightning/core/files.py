@@ -5,11 +5,12 @@ import errno
 import json
 import os
 import shutil
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from secrets import token_hex
-from typing import Any
+from typing import Any, BinaryIO
 
 from tex_lightning.errors import UserError, reason
 from tex_lightning.text import from_cell, to_cell
@@ -22,6 +23,17 @@ UNWRITABLE = (
 )  # fmt: skip
 MAX_FIELD = 1 << 30  # characters; votes for very many classes take more than csv's own limit
 LARGEST_JSON = 64 << 20  # bytes; in memory it is many times as large
+
+
+def standard_input() -> BinaryIO:
+    """Return standard input as bytes.
+
+    Raises:
+        UserError: If it is closed, as that of services is.
+    """
+    if sys.stdin is None:
+        raise UserError("Standard input is closed; send samples to it by a pipe, or give a file.")
+    return sys.stdin.buffer
 
 
 def resolved(path: Path) -> Path:
@@ -76,8 +88,8 @@ def read_rows(path: Path) -> list[dict[str, str]]:
 
 
 def write_text(target: Path, text: str) -> None:
-    """Write a text file that is whole or not there."""
-    write_bytes(target, text.encode())
+    """Write a text file that is whole or not there; bytes of a path that are no text are marked."""
+    write_bytes(target, text.encode(errors="backslashreplace"))
 
 
 def write_bytes(target: Path, content: bytes) -> None:

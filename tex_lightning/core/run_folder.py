@@ -14,6 +14,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.core.files import read_record, unwritable, write_text
 from tex_lightning.errors import UserError, listed
+from tex_lightning_runtime.files import expanded, require_readable_name
 
 if TYPE_CHECKING:
     from tex_lightning.config.composition import Job
@@ -56,6 +57,7 @@ def locked_folder(directory: Path, key: str = "hydra.run.dir") -> Iterator[None]
     Raises:
         UserError: If another process runs in it, or it cannot be written to.
     """
+    require_readable_name(directory)  # of TensorBoard's events
     lock = FileLock(directory / LOCK, timeout=0)
     try:
         directory.mkdir(parents=True, exist_ok=True)
@@ -175,7 +177,7 @@ def find_checkpoint(source: str | Path) -> Path:
     Raises:
         UserError: If the folder holds none, or several of which none is the model's.
     """
-    path = Path(source).expanduser()
+    path = expanded(source)
     if not path.is_dir():
         return path
     files = {file.stem: file for file in sorted(path.glob(f"checkpoints/*{SUFFIX}"))}

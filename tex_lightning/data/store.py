@@ -81,10 +81,13 @@ def cache_root(configured: str | None) -> Path:
 
     A folder that cannot be written serves as well, as long as it holds all entries.
     """
-    root = Path(configured or platformdirs.user_cache_dir("tex_lightning")).expanduser()
+    root = Path(configured or "~")
     try:
+        if not configured:
+            root = Path(platformdirs.user_cache_dir("tex_lightning"))
+        root = root.expanduser()
         root.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
+    except (OSError, RuntimeError) as error:  # the second where there is no home folder
         raise _unwritable(root, error) from error
     return root
 

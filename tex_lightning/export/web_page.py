@@ -17,7 +17,7 @@ from typing import Any
 
 from tex_lightning.core.files import write_bytes
 from tex_lightning.errors import UserError
-from tex_lightning_runtime.files import require_file
+from tex_lightning_runtime.files import expanded, require_file
 
 RUNTIME = "onnxruntime"  # its folder in the page's
 CARD = "model.json"
@@ -64,7 +64,7 @@ def runtime_files(path: str | None, cache: Path) -> dict[str, bytes]:
     Raises:
         UserError: If it cannot be had, or is not bit for bit the one that was tested.
     """
-    archive = cache / f"{NAME}-{VERSION}.tgz" if path is None else Path(path).expanduser()
+    archive = cache / f"{NAME}-{VERSION}.tgz" if path is None else expanded(path)
     if path is not None:
         require_file(archive)
     content = archive.read_bytes() if archive.is_file() else b""

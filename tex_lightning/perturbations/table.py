@@ -22,7 +22,7 @@ from tex_lightning.core.contract import (
 from tex_lightning.errors import UserError, reason
 from tex_lightning.perturbations import pixels, traces
 from tex_lightning.perturbations.pixels import Array, Function, Scene
-from tex_lightning_runtime.files import require_file
+from tex_lightning_runtime.files import expanded, require_file
 
 SEVERITIES = (1, 2, 3, 4, 5)
 MAX_LEVEL = 1e30  # of a level; recordings are float32
@@ -105,7 +105,7 @@ def read_severities(path: str | Path) -> dict[str, Perturbation]:
         UserError: If the file, a line or a function cannot be used.
     """
     try:
-        table = _read(Path(path).expanduser())
+        table = _read(expanded(path))
         for kind in table.values():
             _check(kind)
     except Exception as error:  # a function's module may fail in any way

@@ -6,7 +6,6 @@ Bytes of a sensor are parsed strictly: what cannot be meant raises an error that
 import importlib
 import math
 import re
-import sys
 from collections.abc import Callable, Generator, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
@@ -18,8 +17,10 @@ import numpy as np
 import numpy.typing as npt
 
 from tex_lightning.config.data import SourceConfig
+from tex_lightning.core.files import standard_input
 from tex_lightning.data.decode import RATE_TOLERANCE, SignalDecoder, read_trace
 from tex_lightning.errors import UserError, reason, shorten
+from tex_lightning_runtime.files import expanded
 from tex_lightning_runtime.samples import check_samples
 from tex_lightning_runtime.traces import TRACE_SUFFIXES
 
@@ -143,7 +144,7 @@ def open_source(modality: str, text: str, settings: SourceConfig) -> Source:
     kind, _, address = text.partition(":")
     if kind == "soundcard":
         return _sound_card(name, address, settings)
-    path = Path(text).expanduser()
+    path = expanded(text)
     if path.suffix.lower() in TRACE_SUFFIXES and path.is_file():
         return _recorded_file(path, name, key, settings.rate)
     if settings.rate is None:
@@ -182,7 +183,7 @@ def _parsed(
 def _open_pipe(path: Path) -> Iterator[Read]:
     """Open standard input (``-``), or a FIFO, device or file of raw samples, without a buffer."""
     standard = str(path) == "-"
-    place = sys.stdin.fileno() if standard else path
+    place = standard_input().fileno() if standard else path
     with open(place, "rb", buffering=0, closefd=not standard) as file:
         yield lambda: file.read(PIECE)
 

@@ -44,6 +44,7 @@ from tex_lightning.perturbations.table import (
 from tex_lightning.report.table import model_label, run_settings
 from tex_lightning.studies.dataset import open_test_data
 from tex_lightning.studies.description import show_opening
+from tex_lightning_runtime.files import expanded
 
 Labels = list[int | None]  # class index of each sample; None for an unusable sample
 
@@ -233,7 +234,7 @@ def load_systems(config: Config, *, choose: bool = False) -> list[PerturbedSyste
     """
     datasets: Datasets = {}
     systems, places = list[PerturbedSystem](), list[str]()
-    paths = [Path(name).expanduser() for name in config.stability.systems or []]
+    paths = [expanded(name) for name in config.stability.systems or []]
     homes = _short_paths(paths)
     for path, home in zip(paths, homes, strict=True):
         for checkpoints in _checkpoints(path).values():

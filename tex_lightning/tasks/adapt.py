@@ -1,7 +1,6 @@
 """Adapt a checkpoint to unlabelled recordings: files, or the tested part of a data set."""
 
 import time
-from pathlib import Path
 from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
@@ -22,6 +21,7 @@ from tex_lightning.studies.dataset import Dataset, decode_for
 from tex_lightning.studies.description import show_opening
 from tex_lightning.studies.evaluate_checkpoint import results_frame
 from tex_lightning.tasks.predict import find_files
+from tex_lightning_runtime.files import expanded
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
@@ -29,7 +29,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
 
     Where that does not seem safe the checkpoint is written as it is, and the reason is said.
     """
-    begin, source = time.perf_counter(), Path(str(config.checkpoint)).expanduser()
+    begin, source = time.perf_counter(), expanded(str(config.checkpoint))
     classifier = load_classifier(source)
     check_adaptable(classifier)
     predictor = Predictor(classifier, config)  # puts it on the device that computes

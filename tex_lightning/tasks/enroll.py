@@ -3,7 +3,6 @@
 import time
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
@@ -26,6 +25,7 @@ from tex_lightning.learning.provenance import digests
 from tex_lightning.studies.dataset import Dataset, decode_for
 from tex_lightning.studies.description import show_opening
 from tex_lightning.studies.evaluate_checkpoint import results_frame
+from tex_lightning_runtime.files import expanded
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
@@ -33,7 +33,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
 
     Files are decoded as the checkpoint says. ``data.test_fold`` is left out, to be tested on.
     """
-    begin, source = time.perf_counter(), Path(str(config.checkpoint)).expanduser()
+    begin, source = time.perf_counter(), expanded(str(config.checkpoint))
     classifier = load_classifier(source)
     if classifier.card.baseline:
         raise UserError(

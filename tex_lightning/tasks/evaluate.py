@@ -2,7 +2,6 @@
 
 import time
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
@@ -23,6 +22,7 @@ from tex_lightning.studies.evaluate_checkpoint import (
     report_network,
     results_frame,
 )
+from tex_lightning_runtime.files import expanded
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
@@ -32,7 +32,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     ``data.file_rate`` belongs to the files themselves and is taken from it if it is given.
     """
     begin, directory = time.perf_counter(), job.directory
-    checkpoint = Path(str(config.checkpoint)).expanduser()
+    checkpoint = expanded(str(config.checkpoint))
     classifier = load_classifier(checkpoint)
     classifier.to(pick_device(config.trainer.accelerator))
     card = classifier.card

@@ -27,6 +27,7 @@ from tex_lightning.export.onnx_file import (
 )
 from tex_lightning.export.web_page import page_files, runtime_files
 from tex_lightning.inference.prediction import check_unknown
+from tex_lightning_runtime.files import expanded
 
 RECORD = "export.json"
 
@@ -35,8 +36,8 @@ log = logging.getLogger(__name__)
 
 def run(config: Config, job: Job) -> dict[str, Any]:
     """Write ``checkpoint`` to ``export.out`` as ``export.format``, and what was measured."""
-    checkpoint = Path(str(config.checkpoint)).expanduser()
-    out = job.directory if config.export.out is None else Path(config.export.out).expanduser()
+    checkpoint = expanded(str(config.checkpoint))
+    out = job.directory if config.export.out is None else expanded(config.export.out)
     return export_classifier(config, load_classifier(checkpoint), checkpoint, out)
 
 

@@ -10,6 +10,7 @@ from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.readers.synthetic import CLASSES
 from tex_lightning.errors import UserError
 from tex_lightning.synthetic import write_folder
+from tex_lightning_runtime.files import expanded
 
 
 def run(config: Config, job: Job) -> None:
@@ -26,7 +27,7 @@ def run(config: Config, job: Job) -> None:
 
 
 def _new_folder(name: str) -> Path:
-    out = Path(name).expanduser()
+    out = expanded(name)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise UserError(f"generate.out={out} is not empty; name a new folder.")
     out.mkdir(parents=True, exist_ok=True)

@@ -1,13 +1,12 @@
 """Write a manifest from the names of files."""
 
-from pathlib import Path
-
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import say
 from tex_lightning.data.manifest import read_manifest, write_manifest
 from tex_lightning.data.readers.path_pattern import read_names
 from tex_lightning.errors import UserError, listed
+from tex_lightning_runtime.files import expanded
 
 
 def run(config: Config, job: Job) -> None:
@@ -16,7 +15,7 @@ def run(config: Config, job: Job) -> None:
     Raises:
         UserError: If there is such a file already, or it cannot be written or used.
     """
-    root = Path(str(config.data.root)).expanduser()
+    root = expanded(str(config.data.root))
     out = root / "manifest.csv"
     if config.pattern is None:
         raise UserError("Give the pattern of the names, such as pattern='{label}_{group}.wav'.")

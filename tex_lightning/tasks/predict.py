@@ -18,7 +18,7 @@ from tex_lightning.data.readers.folder import suffixes_of
 from tex_lightning.data.recordings import natural_key, plural
 from tex_lightning.errors import UserError
 from tex_lightning.inference.predictor import Predictor
-from tex_lightning_runtime.files import is_file
+from tex_lightning_runtime.files import expanded, is_file
 from tex_lightning_runtime.traces import stands_for_all
 
 
@@ -61,7 +61,7 @@ def _for_one(config: Config) -> Config:
     Its label takes less time there than a GPU takes to start.
     """
     files = [value for value in config.files.values() if value is not None]
-    single = all(is_file(Path(str(value)).expanduser()) for value in files)
+    single = all(is_file(expanded(str(value))) for value in files)
     if config.trainer.accelerator != "auto" or not single:
         return config
     return replace(config, trainer=replace(config.trainer, accelerator="cpu"))
@@ -108,7 +108,7 @@ def find_files(modality: str, value: object) -> list[Path]:
 
 
 def _found(modality: str, value: str) -> list[Path]:
-    path = Path(value).expanduser()
+    path = expanded(value)
     if os.path.isdir(path):  # noqa: PTH112  (raises no error for a name that is too long)
         candidates = list(path.iterdir())
     elif has_magic(value) and not is_file(path):

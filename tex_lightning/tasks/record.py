@@ -10,7 +10,6 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext
-from pathlib import Path
 from typing import Self
 
 import numpy as np
@@ -23,6 +22,7 @@ from tex_lightning.data.recordings import name_one, one_name
 from tex_lightning.errors import UserError
 from tex_lightning.recording.class_folder import ClassFolder, Pixels, open_camera
 from tex_lightning.recording.sources import Chunk, Source, open_source
+from tex_lightning_runtime.files import expanded
 from tex_lightning_runtime.quality import photo_quality, trace_quality
 
 
@@ -35,7 +35,7 @@ def run(config: Config, job: Job) -> None:
         UserError: If a sensor or the folder cannot be used; recordings that were finished stay.
     """
     settings = config.record
-    out = Path(str(settings.out)).expanduser()
+    out = expanded(str(settings.out))
     folder = ClassFolder(out, one_name(str(settings.label)), settings.conditions)
     photos = config.files.get("image")
     with open_camera(str(photos)) if photos else nullcontext() as camera:

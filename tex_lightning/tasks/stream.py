@@ -1,10 +1,8 @@
 """Classify a recording while it goes on: one JSON object per chunk on standard output."""
 
 import logging
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -13,11 +11,13 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import log_once, print_line
+from tex_lightning.core.files import standard_input
 from tex_lightning.data.decode import read_trace
 from tex_lightning.errors import UserError
 from tex_lightning.inference.prediction import Prediction
 from tex_lightning.inference.predictor import Predictor
 from tex_lightning.senses.signal import SignalSense
+from tex_lightning_runtime.files import expanded
 from tex_lightning_runtime.samples import check_samples
 
 SAMPLE = np.dtype("<f4")  # of standard input
@@ -81,7 +81,7 @@ def _open(config: Config, sense: SignalSense, file: str) -> tuple[float, Iterato
     decoder = sense.decoder.assuming(data.file_rate, data.channels, data.time_unit)
     if decoder.channels and all(isinstance(channel, int) for channel in decoder.channels):
         decoder = replace(decoder, channels=None)  # not yet; names are those of the file
-    trace, rate, reading = read_trace(Path(file).expanduser(), decoder)
+    trace, rate, reading = read_trace(expanded(file), decoder)
     log_once(log, f"Reads {reading.said(rate)}.")
     size = max(1, round(config.stream.chunk * rate))
     return rate, (trace[:, i : i + size] for i in range(0, trace.shape[1], size))
@@ -90,7 +90,8 @@ def _open(config: Config, sense: SignalSense, file: str) -> tuple[float, Iterato
 def _from_standard_input(axes: int, size: int) -> Iterator[Chunk]:
     """Yield chunks (axes, samples) of raw float32, little-endian, all axes of a sample together."""
     position = 0
-    while content := sys.stdin.buffer.read(size * axes * SAMPLE.itemsize):
+    stdin = standard_input()
+    while content := stdin.read(size * axes * SAMPLE.itemsize):
         if len(content) % (axes * SAMPLE.itemsize):
             raise UserError(
                 f"Standard input ends within a sample; send {axes} float32 numbers for each "

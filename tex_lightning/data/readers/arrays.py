@@ -18,6 +18,7 @@ from sklearn.utils.validation import check_consistent_length, column_or_1d
 from tex_lightning.data.manifest import write_manifest
 from tex_lightning.data.recordings import Recording, Recordings, one_name
 from tex_lightning.errors import InvalidInput, UserError, listed, shorten
+from tex_lightning_runtime.files import expanded
 from tex_lightning_runtime.pixels import as_pixels
 from tex_lightning_runtime.samples import Array, as_array, as_trace
 
@@ -245,7 +246,7 @@ def write_sample(
         if given is not None:
             samples, rate = with_rate(given)
             path = _file(samples, modality, folder / f"{modality}_{number}")
-            yield Recording(label, modality, path.expanduser().resolve(), group, rate)
+            yield Recording(label, modality, expanded(path).resolve(), group, rate)
 
 
 def with_rate(given: Given) -> tuple[Given, float | None]:

@@ -35,6 +35,7 @@ from tex_lightning.data.recordings import (
     sense_called,
 )
 from tex_lightning.errors import UserError, listed
+from tex_lightning_runtime.files import expanded
 from tex_lightning_runtime.photos import IMAGE_SUFFIXES
 from tex_lightning_runtime.traces import TRACE_SUFFIXES, axis_files, stands_for_all
 
@@ -71,7 +72,7 @@ class FolderReader:
 
     def read(self) -> Recordings:
         """Read the folder; a file's place in its class, in natural order, is its group."""
-        return read_folder(Path(self.root).expanduser())
+        return read_folder(expanded(self.root))
 
 
 @dataclass
@@ -86,7 +87,7 @@ class ManifestReader:
 
     def read(self) -> Recordings:
         """Read the table."""
-        return read_manifest(Path(self.manifest).expanduser())
+        return read_manifest(expanded(self.manifest))
 
 
 def read_folder(root: str | Path) -> Recordings:

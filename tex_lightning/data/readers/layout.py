@@ -14,6 +14,7 @@ from pathlib import Path
 from tex_lightning.data.manifest import names_recordings
 from tex_lightning.data.recordings import MODALITIES, Recording, Recordings, is_hidden, sense_called
 from tex_lightning.errors import UserError, listed
+from tex_lightning_runtime.files import expanded
 
 SPLITS = {"train", "training", "val", "valid", "validation", "test", "testing", "eval"}
 ASIDE = SPLITS | {  # folders that are no classes, by their names
@@ -86,7 +87,7 @@ def hint(root: str | None, rows: Iterable[Recording]) -> list[str]:
     """Say how recordings in folders of no sense may be read, if there are any in a folder."""
     if root is None:
         return []
-    folder = Path(root).expanduser()
+    folder = expanded(root)
     paths = [row.path for row in rows if row.path.is_relative_to(folder)]
     deep = [
         p for p in paths if sum(not _is_sense(part) for part in p.relative_to(folder).parts) > 2

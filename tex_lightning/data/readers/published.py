@@ -23,6 +23,7 @@ from pathlib import Path
 from tex_lightning.config.keys import choice
 from tex_lightning.data.recordings import Recording, Recordings, natural_key
 from tex_lightning.errors import UserError
+from tex_lightning_runtime.files import expanded
 from tex_lightning_runtime.photos import IMAGE_SUFFIXES
 from tex_lightning_runtime.traces import TRACE_SUFFIXES, stands_for_all
 
@@ -63,7 +64,7 @@ class PatternReader:
     split: str = "training"
 
     def __post_init__(self) -> None:
-        self.folder = Path(self.root).expanduser()
+        self.folder = expanded(self.root)
         for complaint in choice("data.group_by", self.group_by, tuple(self.groups)):
             raise UserError(f"{complaint}.")
 
