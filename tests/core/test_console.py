@@ -1,7 +1,10 @@
 """How much is said, through the command line; whole words on a terminal."""
 
 import io
+import os
 import re
+import subprocess
+import sys
 import warnings
 
 import numpy as np
@@ -10,6 +13,7 @@ from PIL import Image
 from rich.cells import cell_len
 from rich.console import Console
 
+from tex_lightning.config import CONF
 from tex_lightning.core.console import Screen, console, say, suppress_warnings, verbosity
 from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.errors import UserError
@@ -59,6 +63,15 @@ def test_a_terminal_wraps_sentences_at_words_and_commands_by_itself(monkeypatch)
     assert rows[0].rstrip() == "The folder of the run holds another run;"
     say("python -m tex_lightning " + "x" * 80, wraps=False)
     assert shown.getvalue().splitlines()[-1].endswith("x" * 80)
+
+
+def test_a_terminal_without_columns_is_written_to():
+    code = "from tex_lightning.core.console import say; say('An error.')"
+    ran = subprocess.run(
+        [sys.executable, "-c", code], env={**os.environ, "COLUMNS": "0"}, cwd=CONF.parent,
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert ran.stderr == "An error.\n"
 
 
 @pytest.mark.filterwarnings("default")

@@ -39,8 +39,8 @@ class PlainConsole(Console):
 
 
 console = PlainConsole(quiet=not is_rank_zero())
-if not console.is_terminal and "COLUMNS" not in os.environ:
-    # a log file has room for long names
+if console.width == 0 or not (console.is_terminal or "COLUMNS" in os.environ):
+    # a log file has room for long names, and COLUMNS=0 none for any
     console = PlainConsole(width=120, quiet=console.quiet)
 
 
