@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from secrets import token_hex
-from typing import Any, BinaryIO
+from typing import Any, TextIO
 
 from tex_lightning.errors import UserError, reason
 from tex_lightning.text import from_cell, to_cell
@@ -25,15 +25,15 @@ MAX_FIELD = 1 << 30  # characters; votes for very many classes take more than cs
 LARGEST_JSON = 64 << 20  # bytes; in memory it is many times as large
 
 
-def standard_input() -> BinaryIO:
-    """Return standard input as bytes.
+def standard_input() -> TextIO:
+    """Return standard input.
 
     Raises:
         UserError: If it is closed, as that of services is.
     """
     if sys.stdin is None:
         raise UserError("Standard input is closed; send samples to it by a pipe, or give a file.")
-    return sys.stdin.buffer
+    return sys.stdin
 
 
 def resolved(path: Path) -> Path:

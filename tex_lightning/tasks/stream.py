@@ -90,7 +90,7 @@ def _open(config: Config, sense: SignalSense, file: str) -> tuple[float, Iterato
 def _from_standard_input(axes: int, size: int) -> Iterator[Chunk]:
     """Yield chunks (axes, samples) of raw float32, little-endian, all axes of a sample together."""
     position = 0
-    stdin = standard_input()
+    stdin = standard_input().buffer
     while content := stdin.read(size * axes * SAMPLE.itemsize):
         if len(content) % (axes * SAMPLE.itemsize):
             raise UserError(
