@@ -1,5 +1,8 @@
 """A class folder that grows stays one that the readers read."""
 
+import time
+from concurrent.futures import ThreadPoolExecutor
+
 import cv2
 import numpy as np
 import pytest
@@ -7,6 +10,7 @@ import soundfile
 from conftest import make_photo, make_trace
 from PIL import Image
 
+from tex_lightning.core.run_folder import LOCK
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.manifest import read_manifest
 from tex_lightning.data.readers.folder import read_folder
@@ -30,7 +34,25 @@ def both(root):
 
 
 def files(root):
-    return sorted(str(path.relative_to(root)) for path in root.rglob("*") if path.is_file())
+    found = (path for path in root.rglob("*") if path.is_file() and path.name != LOCK)
+    return sorted(str(path.relative_to(root)) for path in found)
+
+
+def test_recorders_side_by_side_lose_nothing(tmp_path, monkeypatch):
+    """As two sensors on two terminals that end together, which wrote over each other."""
+    found = ClassFolder.next_name
+
+    def slow(self):
+        name = found(self)
+        time.sleep(0.05)
+        return name
+
+    monkeypatch.setattr(ClassFolder, "next_name", slow)
+    with ThreadPoolExecutor(3) as recorders:
+        for _ in range(3):
+            folder = ClassFolder(tmp_path, "oak", {})
+            recorders.submit(folder.add, {"haptic": (2500, SIGNAL)}, None)
+    assert len(both(tmp_path.resolve())) == 3
 
 
 def test_recordings_of_all_senses_are_numbered_alike_and_read_back(tmp_path):

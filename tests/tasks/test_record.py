@@ -12,6 +12,7 @@ import soundfile
 from conftest import RATE, make_photo, make_trace
 from PIL import Image
 
+from tex_lightning.core.run_folder import LOCK
 from tex_lightning.data.manifest import read_manifest
 from tex_lightning.tasks.record import Signal
 
@@ -42,7 +43,8 @@ def lines(outcome):
 
 def written(tmp_path):
     root = tmp_path / "DATA"
-    return sorted(str(path.relative_to(root)) for path in root.rglob("*") if path.is_file())
+    found = (path for path in root.rglob("*") if path.is_file() and path.name != LOCK)
+    return sorted(str(path.relative_to(root)) for path in found)
 
 
 def samples_of(tmp_path, name, label="oak"):

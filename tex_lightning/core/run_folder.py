@@ -47,18 +47,21 @@ def holds_work(directory: Path) -> bool:
 
 
 @contextmanager
-def locked_folder(directory: Path, key: str = "hydra.run.dir") -> Iterator[None]:
+def locked_folder(
+    directory: Path, key: str = "hydra.run.dir", *, patience: float = 0
+) -> Iterator[None]:
     """Lock a run folder against other processes, where its file system has locks.
 
     Args:
         directory: The folder; made if it does not exist.
         key: Key of the configuration that names it.
+        patience: Seconds to wait for another process.
 
     Raises:
         UserError: If another process runs in it, or it cannot be written to.
     """
     require_readable_name(directory)  # of TensorBoard's events
-    lock = FileLock(directory / LOCK, timeout=0)
+    lock = FileLock(directory / LOCK, timeout=patience)
     try:
         directory.mkdir(parents=True, exist_ok=True)
         lock.acquire()

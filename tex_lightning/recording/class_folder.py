@@ -12,6 +12,7 @@ import numpy.typing as npt
 import soundfile
 
 from tex_lightning.core.files import write_atomically
+from tex_lightning.core.run_folder import locked_folder
 from tex_lightning.data.manifest import KNOWN, read_manifest, write_manifest
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import Recording, Recordings
@@ -63,6 +64,7 @@ def open_camera(source: str) -> Iterator[Callable[[], Pixels]]:
 
 
 MANIFEST = "manifest.csv"
+PATIENCE = 60.0  # seconds that another process may take to write a recording
 
 
 class ClassFolder:
@@ -108,7 +110,7 @@ class ClassFolder:
         return f"{self.label}_{number:03d}"
 
     def add(self, signals: Mapping[str, tuple[int, Chunk]], photo: Pixels | None) -> list[Path]:
-        """Write one recording, all of it or nothing.
+        """Write one recording, all of it or nothing, while no other process does.
 
         Args:
             signals: By modality rate in Hz and samples (axes, samples), float32.
@@ -120,6 +122,10 @@ class ClassFolder:
         Raises:
             UserError: If they cannot be written.
         """
+        with locked_folder(self.root, "record.out", patience=PATIENCE):
+            return self._add(signals, photo)
+
+    def _add(self, signals: Mapping[str, tuple[int, Chunk]], photo: Pixels | None) -> list[Path]:
         table, name = self.table(), self.next_name()
         counted = re.compile(rf"(?:{re.escape(self.label)}/)?(\d+)")  # by the reader of folders
         groups = [counted.fullmatch(row.group_key) for row in table if row.label == self.label]
