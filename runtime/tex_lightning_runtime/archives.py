@@ -1,40 +1,68 @@
 """Signals in archives of named arrays: ``numpy.savez`` and MATLAB's before 7.3.
 
-One array is the signal, and a single number may be its rate. Nothing in them is run: archives with
-pickled objects are refused.
+One array is the signal, several of one length are columns of a table, and a single number may be
+the rate. Nothing in them is run: archives with pickled objects are refused.
 """
 
 import math
 import zipfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+
+from tex_lightning_runtime.samples import Array, axes_first
 
 RATES = ("fs", "rate", "sampling_rate", "samplerate", "sample_rate", "sr", "frequency", "hz")
 ARCHIVES = (".npz", ".mat")
 NESTED = ("struct", "cell", "object", "opaque", "function")  # of SciPy's names of classes
 
 
-def read_archive(path: Path, most: int) -> tuple[np.ndarray[Any, Any], float | None]:
-    """Return the samples of the only signal in an archive, and their rate in Hz if it has it.
+def read_archive(path: Path, most: int) -> tuple[dict[str, Array], float | None]:
+    """Return what :func:`signals_of` finds in an archive.
 
     Raises:
-        ValueError: If it has none or several, or is damaged.
+        ValueError: As there, or if the archive is damaged or claims more than ``most`` numbers.
     """
-    arrays = _npz(path, most) if path.suffix.lower() == ".npz" else _mat(path, most)
-    numeric = {name: each for name, each in arrays.items() if each.dtype.kind in "fiu"}
-    signals = [name for name, each in numeric.items() if each.size > 1]
-    if len(signals) != 1:
-        named = f"the arrays {', '.join(signals)}" if signals else "no array of numbers"
-        raise ValueError(f"it has {named}; keep the signal alone, and its rate as fs")
-    rates = [float(each.item()) for name, each in numeric.items()
+    return signals_of(_npz(path, most) if path.suffix.lower() == ".npz" else _mat(path, most))
+
+
+def signals_of(arrays: dict[str, Array]) -> tuple[dict[str, Array], float | None]:
+    """Return the signals among named arrays, and their rate in Hz if it is there.
+
+    Several are (axes, samples) of one length.
+
+    Raises:
+        ValueError: If there is none, or several of other lengths.
+    """
+    arrays = {name: _seconds(each) for name, each in arrays.items() if each.dtype.kind in "fiuM"}
+    rates = [float(each.item()) for name, each in arrays.items()
              if each.size == 1 and name.casefold() in RATES]  # fmt: skip
     known = len(rates) == 1 and math.isfinite(rates[0]) and rates[0] > 0
-    return np.squeeze(np.array(numeric[signals[0]], np.float64)), rates[0] if known else None
+    signals = {name: np.squeeze(each) for name, each in arrays.items() if each.size > 1}
+    if not signals:
+        raise ValueError("it has no array of numbers; keep the signal, and its rate as fs")
+    if len(signals) > 1:
+        signals = _of_one_length(signals)
+    return signals, rates[0] if known else None
 
 
-def _npz(path: Path, most: int) -> dict[str, np.ndarray[Any, Any]]:
+def _seconds(array: Array) -> Array:
+    """Return numbers (...) float64, moments as seconds since 1970."""
+    moments = array.dtype.kind == "M"
+    seconds = array.astype("datetime64[ns]").astype(np.int64) / 1e9 if moments else array
+    return seconds.astype(np.float64)
+
+
+def _of_one_length(signals: dict[str, Array]) -> dict[str, Array]:
+    rows = {name: axes_first(array) for name, array in signals.items()}
+    found = {name: each for name, each in rows.items() if each is not None}
+    if len(found) < len(rows) or len({each.shape[1] for each in found.values()}) > 1:
+        shapes = ", ".join(f"{name} {array.shape}" for name, array in signals.items())
+        raise ValueError(f"it has {shapes}; keep the signal alone, or arrays of one length")
+    return found
+
+
+def _npz(path: Path, most: int) -> dict[str, Array]:
     try:
         with zipfile.ZipFile(path) as archive:
             claimed = sum(each.file_size for each in archive.infolist())
@@ -50,7 +78,7 @@ def _npz(path: Path, most: int) -> dict[str, np.ndarray[Any, Any]]:
         raise ValueError("it is no whole archive as np.savez writes it") from error
 
 
-def _mat(path: Path, most: int) -> dict[str, np.ndarray[Any, Any]]:
+def _mat(path: Path, most: int) -> dict[str, Array]:
     try:
         from scipy.io import loadmat, whosmat
     except ImportError as error:

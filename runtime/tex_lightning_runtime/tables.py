@@ -7,6 +7,7 @@ the first table.
 
 import re
 import warnings
+from collections.abc import Mapping
 from dataclasses import replace
 from importlib import import_module
 from io import BytesIO
@@ -28,6 +29,7 @@ from tex_lightning_runtime.times import STAMP, TableError
 if TYPE_CHECKING:
     import pandas as pd
 
+HEADER = "the header of the file"  # where a rate stands
 SUFFIXES = (".txt", ".csv", ".tsv", ".lvm")
 FIELDS = re.compile(r"Expected (\d+) fields in line (\d+), saw (\d+)")
 FORTRAN = r"(?<=[\d.])[dD](?=[-+]\d)"  # 1.5D+03
@@ -63,6 +65,24 @@ def read_table(path: Path, channels: Channels = None, time_unit: str | None = No
         notes = (*notes, f"each of its {rows} lines is read as an axis of {len(frame)} samples")
     samples, rate, reading = separate(_columns(frame, layout), channels, time_unit, layout.rate)
     return samples, rate, replace(reading, notes=(*notes, *reading.notes))
+
+
+def separate_arrays(
+    arrays: Mapping[str, Array], channels: Channels, time_unit: str | None, rate: float | None
+) -> "Table":
+    """Read the axes out of arrays (axes, samples) of one length, by their names, as out of columns.
+
+    ``rate`` is theirs in Hz if it is known; results and errors are those of :func:`read_table`.
+    """
+    pandas = _library()
+    columns: list[Column] = []
+    for name, rows in arrays.items():
+        for number, values in enumerate(rows, 1):
+            title = name if len(rows) == 1 else f"{name}_{number}"
+            columns.append(Column(title, "", pandas.Series(values), first=not columns))
+    samples, rate, reading = separate(columns, channels, time_unit, rate)
+    stated = reading.rate_from if reading.rate_from.startswith("times") or not rate else HEADER
+    return samples, rate, replace(reading, rate_from=stated)
 
 
 def _are_titles(cells: "pd.Series[Any]") -> bool:

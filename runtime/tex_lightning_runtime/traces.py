@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tex_lightning_runtime.archives import ARCHIVES, read_archive
+from tex_lightning_runtime.archives import ARCHIVES, read_archive, signals_of
 from tex_lightning_runtime.column import SEEN, rising
 from tex_lightning_runtime.columns import Reading
 from tex_lightning_runtime.errors import UserError, reason
@@ -28,14 +28,14 @@ from tex_lightning_runtime.samples import (
     axes_first,
     choose_channels,
 )
-from tex_lightning_runtime.tables import SUFFIXES, read_table
+from tex_lightning_runtime.tables import HEADER, SUFFIXES, read_table, separate_arrays
 from tex_lightning_runtime.times import TableError
 
 DAMAGE = (ValueError, EOFError, OSError, LookupError, MemoryError)
 AXIS = re.compile(r"(|.*[_. -]|.*[a-z](?=[XYZ]))([XYZxyz])((?:[_. -][^_. -]+)?\.\w+)")
 _HEADERS = Lock()  # Python 3.11 parses one in two threads at once with a SystemError
-# Samples in any order, their rate in Hz if the file states it, and what is to be said of it.
-Raw = tuple[Array, float | None, tuple[str, ...]]
+# Samples in any order, or (axes, samples) by name; their rate in Hz if the file states it; notes.
+Raw = tuple[Array | dict[str, Array], float | None, tuple[str, ...]]
 
 
 class Signal(NamedTuple):
@@ -110,8 +110,11 @@ def _read_file(path: Path, channels: Channels, time_unit: str | None) -> Signal:
             table, rate, reading = read_table(path, channels, time_unit)
         elif suffix in READERS:
             with warnings.catch_warnings(action="ignore"):
-                table, rate, notes = READERS[suffix](path)
-            reading = Reading(rate_from="the header of the file" if rate else "", notes=notes)
+                found, rate, notes = READERS[suffix](path)
+            if isinstance(found, dict):
+                table, rate, reading = separate_arrays(found, channels, time_unit, rate)
+            else:
+                table, reading = found, Reading(rate_from=HEADER if rate else "", notes=notes)
         else:
             raise UserError(f"Trace {path} has an unknown type; use {', '.join(TRACE_SUFFIXES)}.")
     except TableError as error:
@@ -120,14 +123,14 @@ def _read_file(path: Path, channels: Channels, time_unit: str | None) -> Signal:
         raise UserError(
             f"Trace {path} cannot be read ({reason(error)}); correct or replace the file."
         ) from error
-    named = suffix in SUFFIXES and bool(reading.axes)  # which says what the columns are
+    named = bool(reading.axes)  # which says what the columns are
     trace = table if named else axes_first(table)
     if table.size > MAX_SAMPLES or trace is None or len(trace) > MAX_AXES:
         raise UserError(
             f"Trace {path} has the shape {table.shape}; a trace has samples of 1 to {MAX_AXES} "
             "channels: give a file of one recording that is not empty."
         )
-    if suffix in SUFFIXES:
+    if named or suffix in SUFFIXES:
         return Signal(trace, rate, reading)
     trace = choose_channels(trace, channels, f"Trace {path}")
     if any(rising(axis[:SEEN]) for axis in trace):
@@ -159,6 +162,8 @@ def _read_array(path: Path) -> Raw:
         raise ValueError("it is no whole array of numbers as np.save writes it") from error
     if not isinstance(array, np.ndarray):
         raise ValueError("it is an .npz archive; call it .npz")
+    if array.dtype.names and array.size <= MAX_SAMPLES:
+        return _signals(*signals_of({name: array[name] for name in array.dtype.names}))
     if array.dtype.kind not in "fiu":
         raise ValueError(f"it holds {array.dtype} instead of numbers")
     if array.size > MAX_SAMPLES:
@@ -166,9 +171,13 @@ def _read_array(path: Path) -> Raw:
     return np.array(array, np.float64), None, ()
 
 
+def _signals(arrays: dict[str, Array], rate: float | None) -> Raw:
+    return arrays if len(arrays) > 1 else next(iter(arrays.values())), rate, ()
+
+
 READERS: dict[str, Callable[[Path], Raw]] = {
     **dict.fromkeys((".wav", ".flac"), _read_sound),
     ".npy": _read_array,
-    **dict.fromkeys(ARCHIVES, lambda path: (*read_archive(path, MAX_SAMPLES), ())),
+    **dict.fromkeys(ARCHIVES, lambda path: _signals(*read_archive(path, MAX_SAMPLES))),
 }
 TRACE_SUFFIXES = (*READERS, *SUFFIXES)

@@ -25,11 +25,58 @@ def test_the_only_array_is_the_signal_and_a_number_its_rate(tmp_path, suffix):
     assert read_samples(save(tmp_path / f"b{suffix}", x=SAMPLES[:, 0])).rate is None
 
 
+TIME = np.arange(300) / 500
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".mat"])
+@pytest.mark.parametrize(
+    ("arrays", "axes", "rate", "said"),
+    [
+        ({"acc": SAMPLES, "t": TIME}, "acc_1 acc_2 acc_3", 500, "times in 't'"),
+        (
+            {"time_ms": 1000 * TIME, "acc": SAMPLES.T},
+            "acc_1 acc_2 acc_3",
+            500,
+            "times in 'time_ms'",
+        ),
+        (
+            {"ax": SAMPLES[:, 0], "ay": SAMPLES[:, 1], "fs": 800.0},
+            "ax ay",
+            800,
+            "the header of the f",
+        ),
+        ({"x": SAMPLES[:, 0], "label": np.arange(300) // 299}, "x", None, ""),
+    ],
+)
+def test_arrays_of_one_length_are_columns_of_a_table(tmp_path, suffix, arrays, axes, rate, said):
+    samples, hertz, reading = read_samples(save(tmp_path / f"a{suffix}", **arrays))
+    assert [*reading.axes] == axes.split()
+    np.testing.assert_array_equal(samples, SAMPLES.T[: len(samples)])
+    assert hertz == (rate and pytest.approx(rate))
+    assert reading.rate_from.startswith(said)
+    (chosen,) = read_samples(tmp_path / f"a{suffix}", [axes.split()[-1]]).samples
+    np.testing.assert_array_equal(chosen, samples[-1])
+
+
+def test_moments_are_times_and_fields_are_columns(tmp_path):
+    moments = np.datetime64("2026-11-28T10:00") + np.arange(300) * np.timedelta64(2, "ms")
+    signal = read_samples(save(tmp_path / "a.npz", time=moments, acc=SAMPLES))
+    assert signal.samples.shape == (3, 300)
+    assert signal.rate == pytest.approx(500)
+    fields = np.zeros(300, [("t", "f8"), ("x", "f4"), ("y", "i2")])
+    fields["t"], fields["x"], fields["y"] = TIME, SAMPLES[:, 0], 100 * SAMPLES[:, 1]
+    np.save(tmp_path / "b.npy", fields)
+    signal = read_samples(tmp_path / "b.npy")
+    assert signal.reading.axes == ("x", "y")
+    np.testing.assert_array_equal(signal.samples, [fields["x"], fields["y"]])
+    assert signal.rate == pytest.approx(500)
+
+
 @pytest.mark.parametrize("suffix", [".npz", ".mat"])
 @pytest.mark.parametrize(
     ("arrays", "said"),
     [
-        ({"a": SAMPLES, "b": SAMPLES}, "the arrays a, b"),
+        ({"X": SAMPLES, "y": SAMPLES[:9, 0]}, "it has X .300, 3., y .9,.; keep the signal"),
         ({"name": np.array("oak")}, "no array of numbers"),
         ({"a": np.zeros((3, 200, 70))}, "samples of 1 to 64"),
     ],
@@ -58,8 +105,8 @@ def test_what_is_inside_of_structs_is_not_loaded(tmp_path, monkeypatch):
     inner = {"signal": np.zeros(2_000_000)}
     file = tmp_path / "a.mat"
     savemat(file, {"data": inner, "acc": SAMPLES}, do_compression=True)
-    samples, _ = read_archive(file, 2000)
-    np.testing.assert_array_equal(samples, SAMPLES)
+    signals, _ = read_archive(file, 2000)
+    np.testing.assert_array_equal(signals["acc"], SAMPLES)
     savemat(file, {"data": inner}, do_compression=True)
     monkeypatch.setattr("scipy.io.loadmat", lambda *_, **__: pytest.fail("it was loaded"))
     with pytest.raises(ValueError, match="only structs or cells"):
