@@ -87,6 +87,14 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(group):
         (["task=crossval", "crossval.only=3"], "only=3 cannot be used; give a list, as in [A,B]."),
         (["data.folds=-1"], "Error: data.folds is -1: give a number in [2, 100000]."),
         (["decision=max"], "does not exist; choose one of max_vote, sequential."),
+        (["logger=null"], "an option takes no null, leave it out by ~GROUP, as in ~logger"),
+        (["~model.haptic.fit.schedule"], "cannot be used; it cannot be taken away, give another"),
+        (
+            ["export.out=${data.nmae}"],
+            "export.out cannot be used: Interpolation key 'data.nmae' not found (did you mean "
+            "data.name?); correct what stands in ${…}.",
+        ),
+        (["export.out=${nope:1}"], "export.out cannot be used: Unsupported interpolation"),
         (["task=generate", "generate.out=/dev/null/x"], "Cannot write /dev/null/x (Not a dir"),
         (["seed"], "'seed' cannot be read; write key=value"),
         (["haptic=a b(.wav"], "put quotes of two kinds around a value"),

@@ -34,7 +34,7 @@ from tex_lightning.config.composition import (
 )
 from tex_lightning.config.help_text import answer, asks
 from tex_lightning.config.instantiation import named_classes, trust
-from tex_lightning.config.mistakes import to_user_error
+from tex_lightning.config.mistakes import check_choices, to_user_error
 from tex_lightning.config.quoting import as_typed
 from tex_lightning.config.rules import check_typed
 from tex_lightning.config.tasks import NO_FOLDER, TRAINING
@@ -163,15 +163,25 @@ def main() -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:
-        if mistake := to_user_error(error, began=bool(STARTED)):
-            return complain(mistake)
-        if (fault := fault_of(error)) is None:
+        if (status := _told(error, began=bool(STARTED))) is None:
             raise
-        complain(fault)
-        if is_rank_zero():
-            error.__notes__.clear()
-            traceback.print_exception(error)
-        return FAILED
+        return status
+
+
+def _told(error: Exception, *, began: bool) -> int | None:
+    """Print what ended a command and return its exit status; None if it is a fault of the program.
+
+    What a user's own class raised keeps its traceback, after one line that names its key.
+    """
+    if mistake := to_user_error(error, began=began):
+        return complain(mistake)
+    if (fault := fault_of(error)) is None:
+        return None
+    complain(fault)
+    if is_rank_zero():
+        error.__notes__.clear()
+        traceback.print_exception(error)
+    return FAILED
 
 
 def complain(error: object) -> int:
@@ -235,14 +245,13 @@ def run_job(composed: DictConfig) -> float | None:
     try:
         return run_task(composed, job)
     except Exception as error:
-        mistake = to_user_error(error, began=True)
         if not swept:
             if not job.named:
                 remove_if_empty(job.directory)
-            if mistake is None:
+            if (status := _told(error, began=True)) is None:
                 raise
-            raise SystemExit(complain(mistake)) from error
-        if mistake is None:
+            raise SystemExit(status) from error  # else Hydra would print a line of its own
+        if (mistake := to_user_error(error, began=True)) is None:
             log.exception("This job of the sweep failed.")
         message = mistake or fault_of(error) or f"{type(error).__name__}: {error}"
         note_failure(job.directory, job.overrides, str(message))
@@ -279,6 +288,7 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     Raises:
         UserError: If the configuration or what it names cannot be used.
     """
+    check_choices(job.hydra.hydra.runtime.choices, job.searchpath)
     config = checked_config(composed)  # what is wrong with it is said before PyTorch is imported
     check_typed(config, job.sets)
     from tex_lightning.data.derived_settings import derive_settings

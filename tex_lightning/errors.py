@@ -1,7 +1,10 @@
 """``UserError``, the exception for what a user can mend, and the form of values in messages.
 
-Both are defined in the runtime package, which reads files and which this package depends on.
+Most is defined in the runtime package, which reads files and which this package depends on.
 """
+
+import difflib
+from collections.abc import Iterable
 
 from tex_lightning_runtime.errors import UserError as UserError
 from tex_lightning_runtime.errors import listed as listed
@@ -11,3 +14,9 @@ from tex_lightning_runtime.errors import shorten as shorten
 
 class InvalidInput(UserError, ValueError):
     """A :class:`UserError` of the estimator: scikit-learn expects a ``ValueError``."""
+
+
+def nearest(name: str, known: Iterable[str], prefix: str = "") -> str:
+    """Return the likeliest of the known names in brackets, with a ``prefix``; "" if none is."""
+    near = difflib.get_close_matches(name, list(known), n=1)
+    return f" (did you mean {prefix}{near[0]}?)" if near else ""

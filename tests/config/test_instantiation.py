@@ -112,12 +112,27 @@ def test_what_a_users_own_module_raises_keeps_its_traceback_after_its_key(
 @pytest.mark.parametrize("maker", [build, make])
 def test_what_the_packages_classes_refuse_and_what_is_not_there_stay_one_sentence(maker):
     for target, said in (
-        ("tex_lightning.networks.hapticnet.Nothing", "has no attribute 'Nothing'"),
-        ("tex_lightning.networks.linear.LinearNet", "missing .* required .*argument"),
+        (
+            "tex_lightning.networks.hapticnet.Nothing",
+            "no attribute 'Nothing'; correct its _target_",
+        ),
+        ("tex_lightning.networks.hapticnet.HaptcNet", r"HaptcNet' \(did you mean HapticNet\?\); c"),
+        ("tex_lightning.networks.linear.LinearNet", "lacks classes, .*; give .*classes=VALUE"),
+        (
+            f"{__name__}.Heir",
+            r"lacks folder, of which .* give \+model\.x\.folder=VALUE",
+        ),
     ):
         trust(target)
-        with pytest.raises(UserError, match=rf"^model\.x fails: .*{said}.*; correct its _target_"):
+        with pytest.raises(UserError, match=rf"^model\.x .*{said}"):
             maker("model.x", {"_target_": target})
+
+
+def test_what_another_class_of_a_node_took_is_left_out():
+    with pytest.raises(
+        UserError, match=r"has folder, tag, so leave it out, as by ~data\.reader\.colour\."
+    ):
+        build("data.reader", node(Heir, folder="a", colour=3))
 
 
 def test_of_a_module_that_is_not_found_it_is_said_where_python_looks():

@@ -2,7 +2,8 @@
 
 import pytest
 
-from tex_lightning.config.user_folders import with_own_senses
+from tex_lightning.config.composition import current_job, run_composed
+from tex_lightning.config.user_folders import use_config_dir, user_folders, with_own_senses
 
 
 @pytest.fixture
@@ -31,3 +32,40 @@ def test_what_is_asked_for_is_composed_so_that_what_it_lacks_is_told(given):
 def test_a_file_that_cannot_be_read_is_left_to_hydra(given, tmp_path):
     (tmp_path / "sense" / "broken.yaml").write_bytes(b"\xff\xfe\x00")
     assert "+sense@model.broken=broken" in with_own_senses([given])
+
+
+@pytest.fixture
+def two(tmp_path):
+    """A folder with an option of the package's name, and one with others."""
+    for name in ("one/data/folder", "two/experiment/mix", "two/model/own"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / f"{name}.yaml").write_text("defaults: [base, _self_]\n")
+    yield [f"--config-dir={tmp_path}/one", f"--config-dir={tmp_path}/two"]
+    use_config_dir([])
+
+
+def test_each_config_dir_is_read(two, tmp_path):
+    assert use_config_dir([*two, "seed=1"]) == ["seed=1"]
+    assert user_folders()[:2] == [tmp_path / "one", tmp_path / "two"]
+
+
+def test_a_file_with_the_name_of_the_packages_is_not_passed_over_in_silence(cli, two, tmp_path):
+    for given in (two, [f"hydra.searchpath=[file://{tmp_path}/one]"]):
+        run = f"hydra.run.dir={tmp_path}/run"
+        outcome = cli(*given, "data=folder", f"data.root={tmp_path}", run)
+        assert outcome.status == 2
+        assert "Error: data/folder.yaml of yours has the name of an option" in outcome.err
+    (tmp_path / "two" / "model" / "haptic.yaml").write_text("defaults: [base, _self_]\n")
+    assert "Error: model/haptic.yaml of yours has the name" in cli(*two, "model=haptic").err
+
+
+def test_options_of_the_package_are_near_those_of_a_folder(cli, two):
+    said = cli(two[1], "experiment=few/hapti").err
+    assert "experiment=few/hapti does not exist (did you mean few/haptic?)" in said
+    assert "few/haptic" in cli(two[1], "experiment=mixx").err
+
+
+def test_overrides_are_kept_as_they_were_typed_without_those_of_the_package(given, tmp_path):
+    typed = ["model.force.hop=${..modality}", "seed=${data.folds}"]
+    job = run_composed(lambda _: current_job(), [given, *typed, f"hydra.run.dir={tmp_path}/run"])
+    assert job.overrides == (*typed,)

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 import torch
 from conftest import make_card, save_checkpoint
+from lightning.pytorch.utilities.exceptions import MisconfigurationException
 
 from tex_lightning.config.mistakes import to_user_error
 from tex_lightning.core.contract import fault_of
@@ -50,6 +51,17 @@ def test_what_a_callback_of_lightning_rejects_is_a_mistake_in_its_key():
     mistake = to_user_error(caught.value, began=True)
     assert "callbacks.stop (EarlyStopping) fails: Early stopping cond" in str(mistake)
     assert to_user_error(RuntimeError("of the program"), began=True) is None
+
+
+def test_what_lightning_finds_deeper_inside_is_the_callbacks_or_a_flags():
+    target = "lightning.pytorch.callbacks.BackboneFinetuning"
+    (callback,) = build_callbacks({"tune": {"_target_": target}}, {})
+    with pytest.raises(AttributeError) as caught:  # of torch.nn.Module
+        callback.freeze_before_training(torch.nn.Linear(2, 1))
+    mistake = to_user_error(caught.value, began=True)
+    assert str(mistake).startswith("callbacks.tune (BackboneFinetuning) fails: 'Linear' object has")
+    mistake = to_user_error(MisconfigurationException("0.5 * 1 < 1"), began=True)
+    assert str(mistake) == "Lightning rejects a flag of trainer: 0.5 * 1 < 1; correct that flag."
 
 
 def test_what_a_killed_run_kept_to_resume_from_goes_once_it_is_trained(tmp_path: Path) -> None:

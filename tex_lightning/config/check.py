@@ -15,7 +15,7 @@ from omegaconf.errors import ConfigKeyError, OmegaConfBaseException
 
 from tex_lightning.config import READ_FILES, Config, ModelConfig, flatten, trunk_name
 from tex_lightning.config.instantiation import TARGET, find_class
-from tex_lightning.config.keys import choice, nearest
+from tex_lightning.config.keys import choice
 from tex_lightning.config.mistakes import refusal, unknown_key
 from tex_lightning.config.model import (
     CHECKPOINT,
@@ -26,7 +26,7 @@ from tex_lightning.config.model import (
 from tex_lightning.config.nodes import as_taken, is_node, node_complaints, shared_complaints, takes
 from tex_lightning.config.rules import RULES
 from tex_lightning.config.signatures import misfits
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, nearest
 
 SCHEMAS = {"signal": SignalConfig, "photo": PhotoConfig}  # by the medium of a sense
 

@@ -21,7 +21,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config import CONF, register
 from tex_lightning.config.quoting import as_typed
-from tex_lightning.config.user_folders import with_own_senses
+from tex_lightning.config.user_folders import is_added, with_own_senses
 from tex_lightning.errors import UserError, reason
 
 NAME = "config"
@@ -133,9 +133,11 @@ def current_job(*, python: bool = False) -> Job:
         python: Whether a program in Python runs it.
     """
     hydra = HydraConfig.get()
-    flags = tuple(hydra.overrides.hydra)
+    # as they were typed: an interpolation has its meaning at its key, and none in a list of texts
+    typed: Any = OmegaConf.to_container(hydra.overrides, resolve=False)
+    flags = tuple(typed["hydra"])
     return Job(
-        overrides=tuple(hydra.overrides.task),
+        overrides=tuple(each for each in typed["task"] if not is_added(each)),
         directory=Path(hydra.runtime.output_dir).resolve(),
         origin="python" if python else "sweep" if hydra.mode == RunMode.MULTIRUN else "command",
         named=any(override.startswith(RUN_FOLDER) for override in flags),

@@ -6,17 +6,24 @@ because importing a module runs its code, and is called with plain values (:func
 """
 
 import inspect
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import is_dataclass
 from importlib import import_module
 from types import NoneType
 from typing import Any
 
-from tex_lightning.config.signatures import HYDRAS, converted, misfits, signature_of, strangers
+from tex_lightning.config.signatures import (
+    HYDRAS,
+    NAMED,
+    converted,
+    misfits,
+    signature_of,
+    strangers,
+)
 from tex_lightning.config.signatures import TARGET as TARGET
 from tex_lightning.config.user_folders import ENTRY_POINTS, installed_packages
 from tex_lightning.core.contract import keep_key, making, resolve
-from tex_lightning.errors import UserError, shorten
+from tex_lightning.errors import UserError, listed, shorten
 
 PACKAGE = "tex_lightning."
 
@@ -39,8 +46,11 @@ def build(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: 
     called = find_callable(where, node)
     arguments = {key: value for key, value in node.items() if key not in HYDRAS}
     values = {"_convert_": "all", **node, **_checked(where, called, arguments)}
+    shared = _accepted(called, node, offered)
+    if not (node.get("_partial_") or node.get("_args_")):
+        _check_complete(where, called, {**arguments, **shared})
     with making(where, node[TARGET]):
-        return instantiate(values, **_accepted(called, node, offered))
+        return instantiate(values, **shared)
 
 
 def _accepted(
@@ -125,6 +135,26 @@ def _checked(
     if complaints := [*misfits(where, called, typed)]:
         raise UserError("; ".join(complaints) + ".")
     return typed
+
+
+def _check_complete(where: str, called: Callable[..., Any], given: Collection[str]) -> None:
+    """Reject a node without an argument that its class has no default of.
+
+    What a base class takes may be filled in by the class itself.
+
+    Raises:
+        UserError: If there is one.
+    """
+    try:
+        parameters = inspect.signature(called).parameters.values()
+    except ValueError:  # of a class in C
+        return
+    needed = [each.name for each in parameters if each.kind in NAMED and each.default is each.empty]
+    if lacking := [name for name in needed if name not in given]:
+        raise UserError(
+            f"{where} lacks {listed(lacking)}, of which its class has no default; give "
+            f"+{where}.{lacking[0]}=VALUE."
+        )
 
 
 # Where this package's parts are, and what they derive from: names, since importing takes seconds
@@ -220,6 +250,7 @@ def make(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: A
     values, shared = _checked(where, cls, values), _accepted(cls, values, offered)
     if complaints := [*misfits(where.rpartition(".")[0], cls, shared)]:
         raise UserError("; ".join(complaints) + ".")
+    _check_complete(where, cls, {**values, **shared})
     with making(where, node[TARGET]):
         return cls(**values, **shared)
 

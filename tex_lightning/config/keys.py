@@ -6,10 +6,9 @@ interval is the range, with its unit behind; another is the meaning, with what n
 is allowed. Choices are a ``Literal``, as the type or, where Hydra has to know the type, behind it.
 """
 
-import difflib
 import json
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from inspect import get_annotations
 from typing import (
@@ -27,7 +26,7 @@ from typing import (
 
 from omegaconf import MISSING
 
-from tex_lightning.errors import shorten
+from tex_lightning.errors import nearest, shorten
 
 SEED = "[0, 4294967295]"  # which NumPy's generators take
 INTERVAL = re.compile(r"([\[(][-+.\w]+, ?[-+.\w]+[\])]) ?(.*)")
@@ -145,9 +144,3 @@ def choice(name: str, value: object, allowed: Sequence[object]) -> Iterator[str]
         known = list(map(str, allowed))
         rest = f"choose {', '.join(known)}" if known else "there is none to choose, leave it out"
         yield f"{name} is {shorten(value)}{nearest(str(value), known)}: {rest}"
-
-
-def nearest(name: str, known: Iterable[str], prefix: str = "") -> str:
-    """Return the likeliest of the known names in brackets, with a ``prefix``; "" if none is."""
-    near = difflib.get_close_matches(name, list(known), n=1)
-    return f" (did you mean {prefix}{near[0]}?)" if near else ""

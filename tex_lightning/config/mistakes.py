@@ -2,30 +2,42 @@
 
 import errno
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any
 
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from omegaconf.errors import (
+    InterpolationResolutionError,
+    OmegaConfBaseException,
+    UnsupportedInterpolationType,
+)
 from yaml import YAMLError
 
-from tex_lightning.config import CONF, READ_FILES, variants
-from tex_lightning.config.keys import nearest
-from tex_lightning.config.user_folders import user_folders
+from tex_lightning.config import CONF, READ_FILES
+from tex_lightning.config.help_text import config_groups
+from tex_lightning.config.user_folders import named_folders, user_folders
 from tex_lightning.core.contract import fault_of, rejected_by_library
 from tex_lightning.core.files import UNWRITABLE, unwritable
-from tex_lightning.errors import UserError, reason, shorten
+from tex_lightning.errors import UserError, nearest, reason, shorten
 
 MISTAKES = (HydraException, OmegaConfBaseException, YAMLError)  # the last of a user's own files
+SAME_NAME = re.compile("'(.+)/(.+)' is validated against ConfigStore schema")
 KEY = re.compile(r"Could not (?:override|append to config|delete).*?'([^'=]+)")
 # Options that have another name now, by group and former name.
 RENAMED = {
     ("model", "haptic_bands"): "band_proportions",
     ("sense", "bands"): "band_proportions",
 }
-NO_LIST = "is not a ListConfig, list or tuple"  # words of OmegaConf
+WORDS = {  # of Hydra and OmegaConf, and ours
+    "^field '.*' is not Optional$": "it takes no null, give a value",
+    ".*is not a ListConfig, list or tuple.*": "give a list, as in [A,B]",
+    ".*does not support deletion$": "it cannot be taken away, give another value",
+    "^Cannot merge DictConfig with ListConfig$": "one of names and values, and a list, is given",
+    "^Config group override must be a string or a list.*": "an option takes no null, leave it out "
+    "by ~GROUP, as in ~logger",
+}
 MANY = 4  # keys that a wrong one may stand for
 NOISE = ("full_key:", "object_type=", "reference_type=", "See https:", "Set the environment", "To ")
 
@@ -56,9 +68,9 @@ def to_user_error(error: Exception, *, began: bool) -> UserError | None:
             f"The run folder cannot be made ({shorten(error)}); choose another hydra.run.dir."
         )
     if isinstance(error, ValueError | OverflowError | RecursionError):
+        said = refusal(reason(error))
         return UserError(
-            f"The command line or a configuration file cannot be read ({reason(error)}); give "
-            "other values."
+            f"The command line or a configuration file cannot be read ({said}); give other values."
         )
     return None
 
@@ -74,27 +86,56 @@ def explain(error: Exception) -> UserError:
     wrong = str(getattr(error, "missing_cfg_file", ""))
     group, _, option = wrong.rpartition("/")
     if isinstance(error, MissingConfigException) and group:
-        options = error.options or [  # there are none of a list of options
-            file.stem
-            for folder in (CONF, *user_folders())
-            for file in (folder / group).glob("*.yaml")
-        ]
-        if not options:  # an experiment, whose name has a folder, as in few/haptic
+        options = {each for each in error.options or () if each != "base"}
+        if not group.startswith("hydra/"):  # an experiment has a folder in its name
             group, _, option = wrong.partition("/")
-            files = [x.relative_to(CONF).with_suffix("") for x in (CONF / group).rglob("*.yaml")]
-            names = [*variants(), *(file.as_posix() for file in files)]
-            options = [x.removeprefix(f"{group}/") for x in names if x.startswith(f"{group}/")]
-        options = [each for each in options if each.rpartition("/")[2] != "base"]
+            options |= {*config_groups().get(group, ())}
         if name := RENAMED.get((group, option)):
             return UserError(f"{group}={option} does not exist: it is called {group}={name} now.")
         return UserError(
             f"{group}={shorten(option)} does not exist{nearest(option, options)}; "
             f"choose one of {', '.join(sorted(options))}."
         )
+    if isinstance(error, InterpolationResolutionError | UnsupportedInterpolationType):
+        return _unresolved(error)
+    if named := SAME_NAME.search(str(error)):
+        return UserError(_shadowed(*named.groups()))
     match, root = KEY.search(str(error)), getattr(error.__cause__, "parent_node", None)
     if match and root is not None and not str(error.__cause__).startswith("Value "):
         return unknown_key(match[1], root._get_root())
     return UserError(_one_line(error))
+
+
+def _shadowed(group: str, option: str) -> str:
+    """Return the sentence for a file of a user that has the name of one of the package."""
+    return (
+        f"{group}/{option}.yaml of yours has the name of an option of this package, which is read "
+        "in its place; give it another name, and choose it by that."
+    )
+
+
+def check_choices(choices: Mapping[str, object], overrides: Sequence[str]) -> None:
+    """Reject a chosen option that stands in a user's folder and in the package, which comes first.
+
+    Raises:
+        UserError: If there is one.
+    """
+    folders = [*user_folders(), *named_folders(overrides)]
+    for key, option in choices.items():
+        group, file = key.partition("@")[0], f"{key.partition('@')[0]}/{option}.yaml"
+        if (CONF / file).is_file() and any((folder / file).is_file() for folder in folders):
+            raise UserError(_shadowed(group, str(option)))
+
+
+def _unresolved(error: OmegaConfBaseException) -> UserError:
+    """Return the error for a value ``${…}`` that leads nowhere."""
+    said, root = str(error).splitlines()[0], error.parent_node
+    wrong = re.fullmatch("Interpolation key '(.*)' not found", said)
+    near = _near_keys(wrong[1], root._get_root()) if wrong and root is not None else []
+    meant = f" (did you mean {' or '.join(near)}?)" if near else ""
+    return UserError(
+        f"{error.full_key} cannot be used: {reason(said)}{meant}; correct what stands in ${{…}}."
+    )
 
 
 def unknown_key(key: str, config: DictConfig) -> UserError:
@@ -141,8 +182,9 @@ def _names(values: dict[Any, Any], prefix: str = "") -> Iterator[str]:
 
 def refusal(line: str) -> str:
     """Return what OmegaConf says of a value in words of the command line."""
-    line = re.sub("^field '.*' is not Optional$", "it takes no null, give a value", line)
-    return re.sub(f".*{NO_LIST}.*", "give a list, as in [A,B]", line)
+    for pattern, words in WORDS.items():
+        line = re.sub(pattern, words, line)
+    return line
 
 
 def _one_line(error: Exception) -> str:

@@ -15,9 +15,8 @@ from omegaconf import OmegaConf
 
 from tex_lightning.config import Config, flatten
 from tex_lightning.config.help_text import config_groups
-from tex_lightning.config.keys import nearest
 from tex_lightning.config.model import ModelConfig
-from tex_lightning.errors import UserError, shorten
+from tex_lightning.errors import UserError, nearest, shorten
 from tex_lightning.text import to_json
 
 # Settings that say where a run is kept and how it is told of, and nothing of what was run.

@@ -14,8 +14,8 @@ from inspect import Parameter, Signature
 from types import FunctionType, NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from tex_lightning.config.keys import Key, nearest, plain, without_extras
-from tex_lightning.errors import listed, shorten
+from tex_lightning.config.keys import Key, plain, without_extras
+from tex_lightning.errors import listed, nearest, shorten
 
 TARGET = "_target_"  # of a node, which becomes something else
 HYDRAS = (TARGET, "_args_", "_partial_", "_recursive_", "_convert_")  # keys that are no arguments
@@ -72,8 +72,12 @@ def strangers(
     for name in values:
         if name not in parameters:
             known = listed([*parameters]) or "none"
+            key = f"{where}.{shorten(name)}"
+            out = (
+                f", so leave it out, as by ~{key}"  # what another class had
+            )
             near = nearest(str(name), parameters, f"{where}.")
-            yield f"There is no key {where}.{shorten(name)}{near}; its class has {known}"
+            yield f"There is no key {key}{near}; its class has {known}{out * (not near)}"
 
 
 def converted(called: Callable[..., Any] | Signature, values: Mapping[str, Any]) -> dict[str, Any]:

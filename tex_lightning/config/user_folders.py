@@ -4,6 +4,7 @@ These are the folder of ``--config-dir`` and the ``conf`` of every installed pac
 entry point in the group ``tex_lightning.plugins``. Senses are also found in ``hydra.searchpath``.
 """
 
+import re
 import sys
 from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
@@ -45,12 +46,17 @@ def with_own_senses(overrides: Sequence[str]) -> list[str]:
 
     ``model.senses`` may name them then, as it does those of the package.
     """
-    folders = [*user_folders(), *_named_folders(overrides)]
+    folders = [*user_folders(), *named_folders(overrides)]
     files = (file for folder in folders for file in folder.glob("sense/*.yaml"))
     names = {file.stem for file in files if not _is_fragment(file, overrides)}
     senses = sorted(names.difference(PACKAGE_SENSES, ["base"]))  # base is what others begin with
     added = [f"+sense@model.{name}={name}" for name in senses]
     return [*overrides, *(item for item in added if item not in overrides)]
+
+
+def is_added(override: str) -> bool:
+    """Return whether :func:`with_own_senses` adds an override, which nobody needs to read."""
+    return re.fullmatch(r"\+sense@model\.(\w+)=\1", override) is not None
 
 
 def _is_fragment(file: Path, overrides: Sequence[str]) -> bool:
@@ -62,7 +68,7 @@ def _is_fragment(file: Path, overrides: Sequence[str]) -> bool:
     return False
 
 
-def _named_folders(overrides: Sequence[str]) -> Iterator[Path]:
+def named_folders(overrides: Sequence[str]) -> Iterator[Path]:
     """Yield folders that ``hydra.searchpath=[file://DIR,…]`` names."""
     for override in overrides:
         key, _, value = override.partition("=")
@@ -84,7 +90,7 @@ def _packages_on(path: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def user_folders() -> list[Path]:
-    """Return the command line's folder, then the ``conf`` of every registered package."""
+    """Return the command line's folders, then the ``conf`` of every registered package."""
     specs = map(find_spec, installed_packages())  # which imports none of them
     homes = (home for spec in specs for home in (spec and spec.submodule_search_locations) or ())
     folders = (Path(home) / "conf" for home in homes)
@@ -92,9 +98,9 @@ def user_folders() -> list[Path]:
 
 
 def use_config_dir(arguments: Sequence[str]) -> list[str]:
-    """Set the folder of ``--config-dir``, if there is one, as a source of configuration files.
+    """Set the folders of each ``--config-dir`` as sources of configuration files.
 
-    The current folder becomes importable with it, as ``python -m`` makes it and an installed
+    The current folder becomes importable with one, as ``python -m`` makes it and an installed
     command does not, and so does the folder around it: classes beside the files are found.
 
     Returns:
@@ -105,18 +111,17 @@ def use_config_dir(arguments: Sequence[str]) -> list[str]:
     """
     _GIVEN.clear()
     parser = ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
-    parser.add_argument(FLAG, dest="folder", nargs="?", const="")
+    parser.add_argument(FLAG, dest="folders", nargs="?", const="", action="append", default=[])
     options, others = parser.parse_known_args(arguments)
-    if options.folder is None:
-        return others
-    folder = Path(options.folder).expanduser().resolve()
-    if not options.folder or not folder.is_dir():
-        raise UserError(
-            f"--config-dir={options.folder} is no folder; give the one with your data/NAME.yaml, "
-            "model/NAME.yaml and so on."
-        )
-    _GIVEN.append(folder)
-    for home in dict.fromkeys((Path.cwd(), folder.parent)):
-        if str(home) not in sys.path and not (home == Path.cwd() and "" in sys.path):
-            sys.path.append(str(home))
+    for given in options.folders:
+        folder = Path(given).expanduser().resolve()
+        if not given or not folder.is_dir():
+            raise UserError(
+                f"--config-dir={given} is no folder; give the one with your data/NAME.yaml, "
+                "model/NAME.yaml and so on."
+            )
+        _GIVEN.append(folder)
+        for home in dict.fromkeys((Path.cwd(), folder.parent)):
+            if str(home) not in sys.path and not (home == Path.cwd() and "" in sys.path):
+                sys.path.append(str(home))
     return others

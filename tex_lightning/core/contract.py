@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from traceback import walk_tb
 from typing import Any
 
-from tex_lightning.errors import UserError, reason
+from tex_lightning.errors import UserError, nearest, reason
 
 LIBRARIES = ("tex_lightning.", "torch.", "torchvision.", "lightning.", "kornia.")
 FAULT = "tex_lightning_fault"  # attribute of an error
@@ -117,7 +117,10 @@ def resolve(key: str, target: str) -> Any:  # noqa: ANN401
 def _not_there(key: str, error: Exception) -> UserError:
     lacks = isinstance(error, ModuleNotFoundError)
     other = ", or set PYTHONPATH to the folder of its module" if lacks else " or arguments"
-    return UserError(f"{key} fails: {reason(error)}; correct its _target_{other}.")
+    near = ""
+    if isinstance(error, AttributeError):  # of what is not among the names of a module
+        near = nearest(str(error.name), dir(error.obj))
+    return UserError(f"{key} fails: {reason(error)}{near}; correct its _target_{other}.")
 
 
 def _note(error: BaseException, said: str) -> None:
@@ -145,14 +148,17 @@ def fault_of(error: BaseException) -> str | None:
 
 
 def rejected_by_library(error: BaseException) -> str | None:
-    """Return a sentence if a class of Lightning itself raised an error, as of a metric's name."""
-    for frame, _ in [*walk_tb(error.__traceback__)][-1:]:
+    """Return a sentence for what Lightning rejects: arguments of a class of its own, or a flag."""
+    for frame, _ in reversed([*walk_tb(error.__traceback__)]):
         part, module = frame.f_locals.get("self"), str(frame.f_globals.get("__name__"))
-        key = getattr(part, "__dict__", {}).get(KEY)
-        if key is not None and module.startswith("lightning."):
+        if not module.startswith(("lightning.", "torch.")):
+            break
+        if (key := getattr(part, "__dict__", {}).get(KEY)) is not None:
             return (
                 f"{key} ({_name(part)}) fails: {reason(error)}; correct its _target_ or arguments."
             )
+    if type(error).__name__ == "MisconfigurationException":
+        return f"Lightning rejects a flag of trainer: {reason(error)}; correct that flag."
     return None
 
 

@@ -15,10 +15,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from tex_lightning.config import Folding
-from tex_lightning.config.keys import nearest
 from tex_lightning.core.groups import divide
 from tex_lightning.data.recordings import Recording, Recordings, natural_key, one_name, plural
-from tex_lightning.errors import UserError, listed
+from tex_lightning.errors import UserError, listed, nearest
 
 DECIMAL = re.compile(r"[-+]?((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)")
 

@@ -1,6 +1,5 @@
 """Tables of results, for the terminal, ``report.md`` and ``report.html``."""
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,6 +9,7 @@ from rich import box
 from rich.table import Table as Screened
 
 from tex_lightning.config.overrides import hydra_settings
+from tex_lightning.config.user_folders import is_added
 from tex_lightning.core.console import DEBUG, Screen, console
 from tex_lightning.core.files import read_record
 from tex_lightning.core.run_folder import SETTINGS
@@ -24,7 +24,6 @@ POOLED = (
     *FOLD_KEYS, "data.test_where", "crossval.", "model.name", "data.name", "task", "logger.",
     "hydra.",
 )  # fmt: skip
-OWN_SENSE = re.compile(r"\+sense@model\.(\w+)=\1$")  # which the package adds for each in a folder
 MAX_LISTED = 12  # values of a condition that a table lists; results.json has all
 
 Network = Mapping[str, Any]  # an entry of results.json
@@ -208,7 +207,7 @@ def typed_overrides(directory: Path) -> list[str]:
     hydra = hydra_settings(directory)
     if not hydra:
         return run_overrides(directory)
-    return [str(item) for item in hydra["overrides"]["task"] if not OWN_SENSE.match(item)]
+    return [str(item) for item in hydra["overrides"]["task"] if not is_added(str(item))]
 
 
 def is_tiny(overrides: Sequence[str]) -> bool:
