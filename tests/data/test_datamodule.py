@@ -83,6 +83,24 @@ def test_a_whole_sample_has_the_recordings_of_all_its_modalities(surfaces, tmp_p
         np.testing.assert_array_equal(recording.numpy(), expected)
 
 
+def test_a_whole_sample_stays_where_it_is_before_the_first_step_too(surfaces, photos):
+    """As Lightning validates some by its flag num_sanity_val_steps."""
+    data, sample = SurfaceData(batches(surfaces, photos[1]), 2, None, 0), {"recordings": {}}
+    data.trainer = SimpleNamespace(validating=False)
+    assert data.transfer_batch_to_device(sample, torch.device("cpu"), 0) is sample
+
+
+def test_batches_that_are_overfitted_are_those_of_the_first_epoch(surfaces, photos):
+    data = SurfaceData(batches(surfaces, photos[1]), 2, None, 0)
+    strategy = SimpleNamespace(root_device=torch.device("cpu"))
+    loop = SimpleNamespace(epoch_progress=SimpleNamespace(current=SimpleNamespace(processed=3)))
+    for overfit, numbers in ((0.0, [6, 7]), (1, [0, 1])):
+        data.trainer = SimpleNamespace(
+            strategy=strategy, global_rank=0, world_size=1, fit_loop=loop, overfit_batches=overfit
+        )
+        assert [*data.train_dataloader().sampler] == numbers
+
+
 def test_memory_is_pinned_for_a_gpu_that_is_used(surfaces, photos, monkeypatch):
     """Pinning starts the GPU, which a training on the CPU does not need."""
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
@@ -108,6 +126,7 @@ def test_a_device_cuts_the_same_from_the_inputs_that_it_holds(
     data.trainer = SimpleNamespace(
         strategy=strategy, global_rank=0, world_size=1, validating=False,
         fit_loop=SimpleNamespace(epoch_progress=SimpleNamespace(current=progress)),
+        overfit_batches=0.0,
     )  # fmt: skip
     for step, batch in enumerate(data.train_dataloader()):
         assert [*batch["haptic"]] == [key]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from conftest import make_card, make_trace, save_classifier
+from lightning.pytorch.callbacks import ModelCheckpoint
 from torch import nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
@@ -18,7 +19,7 @@ from tex_lightning.data.datamodule import SurfaceData, TrainingBatches
 from tex_lightning.errors import UserError
 from tex_lightning.learning.module import SurfaceModule
 from tex_lightning.learning.start import start_fusion
-from tex_lightning.learning.trainer import make_trainer, quiet_lightning
+from tex_lightning.learning.trainer import CheckpointFiles, make_trainer, quiet_lightning
 
 SCHEDULES = "torch.optim.lr_scheduler"
 FIT = {
@@ -272,3 +273,23 @@ def test_flags_that_are_keys_of_the_recipe_are_answered_with_these(tmp_path, cap
     settings.batch_size = 4
     with pytest.raises(UserError, match=r"correct that flag, or give model\.haptic\.fit\.batch_s"):
         make_trainer(settings, [], [], FIT, working, validated=False)
+
+
+def test_flags_that_are_objects_are_built_and_some_are_not_the_users(tmp_path):
+    settings = TrainerConfig("cpu", 1, 1, "auto", "32-true", False)
+    settings.profiler = {"_target_": "lightning.pytorch.profilers.SimpleProfiler"}
+    environment = "lightning.pytorch.plugins.environments.LightningEnvironment"
+    settings.plugins = [{"_target_": environment}]
+    trainer = make_trainer(settings, [], [], FIT, tmp_path / "a" / "b", validated=False)
+    assert type(trainer.profiler).__name__ == "SimpleProfiler"
+    assert isinstance(trainer.strategy.checkpoint_io, CheckpointFiles)
+    settings.callbacks = []
+    with pytest.raises(UserError, match=r"trainer\.callbacks is set by .*\[default,NAME"):
+        make_trainer(settings, [], [], FIT, tmp_path / "a" / "b", validated=False)
+
+
+def test_a_users_checkpoints_are_kept_beside_those_of_the_package(tmp_path):
+    settings = TrainerConfig("cpu", 1, 1, "auto", "32-true", False)
+    own = ModelCheckpoint(tmp_path, monitor="val/loss", save_on_train_epoch_end=True)
+    trainer = make_trainer(settings, [own], [], FIT, tmp_path / "a" / "b", validated=True)
+    assert trainer.checkpoint_callback is not own  # which is where the best epoch is taken from

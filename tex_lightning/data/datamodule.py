@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import torch
 from lightning import LightningDataModule
-from torch.utils.data import DataLoader, Dataset, Sampler
+from torch.utils.data import DataLoader, Dataset, SequentialSampler
 
 from tex_lightning.data.banks import WHOLE, Bank, Indices
 from tex_lightning.data.folds import Sample
@@ -68,8 +68,8 @@ class TrainingBatches(Dataset[Batch]):
         return np.array([rounds[place // count][place % count] for place in positions])
 
 
-class EpochSampler(Sampler[int]):
-    """Numbers of the batches of one epoch.
+class EpochSampler(SequentialSampler):
+    """Numbers of the batches of one epoch, in their order.
 
     The epoch is read when an iteration begins: Lightning fetches the first batch of a resumed run
     before it sets the epoch of samplers.
@@ -164,8 +164,8 @@ class SurfaceData(LightningDataModule):
 
     def _current_epoch(self) -> int:
         # `trainer.current_epoch` is corrected only after a resumed run's first batch is fetched
-        if self.trainer is None:
-            return 0
+        if self.trainer is None or self.trainer.overfit_batches:  # type: ignore[attr-defined]
+            return 0  # to overfit means the same batches in every epoch
         progress = self.trainer.fit_loop.epoch_progress.current
         return int(progress.processed)  # type: ignore[attr-defined]  # annotated as its base
 
@@ -191,7 +191,7 @@ class SurfaceData(LightningDataModule):
         A validation sample stays on the CPU, where it seeds the tuples of a fusion and a large
         photo is divided into tiles, as in testing.
         """
-        if self.trainer is not None and self.trainer.validating:
+        if "recordings" in batch:
             return batch
         moved: Batch = super().transfer_batch_to_device(batch, device, dataloader_idx)
         banks = self.batches.banks.items()

@@ -21,13 +21,13 @@ from lightning.pytorch.trainer.states import TrainerStatus
 
 from tex_lightning.config import TrainerConfig
 from tex_lightning.config.instantiation import build, build_derived
-from tex_lightning.config.keys import nearest
+from tex_lightning.config.nodes import is_node
 from tex_lightning.core.console import DEBUG, Screen, log_once
 from tex_lightning.core.files import write_atomically
 from tex_lightning.core.progress import Stage, hidden
 from tex_lightning.core.run_folder import SUFFIX
 from tex_lightning.data.datamodule import SurfaceData
-from tex_lightning.errors import UserError, reason
+from tex_lightning.errors import UserError, nearest, reason
 from tex_lightning.learning.module import REFRESH, SurfaceModule
 
 UNHELPFUL = (
@@ -41,6 +41,12 @@ UNHELPFUL = (
 UNKNOWN_FLAG = re.compile(r"unexpected keyword argument '(\w+)'")
 BEST, LAST = "best", "last"  # epochs that are kept
 ONE_VALUE = "Expected more than 1 value per channel"  # PyTorch's words of batch normalisation
+INSTEAD = {  # of flags that are not the user's
+    "callbacks": "add yours by callbacks=[default,NAME]",
+    "logger": "choose by logger=NAME, or logger=[] for none",
+    "default_root_dir": "choose the folder by hydra.run.dir=DIR",
+    "use_distributed_sampler": "leave it out",
+}
 LOGGERS = ("lightning", "lightning.pytorch", "lightning.fabric")
 
 log = logging.getLogger(__name__)
@@ -101,6 +107,10 @@ class ProgressBar(LightningProgressBar):
     def _notes(self, trainer: Trainer) -> list[str]:
         metrics = trainer.callback_metrics
         return [text(float(metrics[name])) for name, text in self.shown.items() if name in metrics]
+
+
+class Keeper(ModelCheckpoint):
+    """A class of its own, whose state in a checkpoint is not that of a user's ModelCheckpoint."""
 
 
 class CheckpointFiles(TorchCheckpointIO):
@@ -190,12 +200,14 @@ def make_trainer(
         raise UserError(
             f"trainer.max_epochs={flags['max_epochs']} is no number; correct it, or give {epochs}."
         )
-    if isinstance(flags["strategy"], dict):
-        flags["strategy"] = build("trainer.strategy", flags["strategy"])
+    if taken := next((name for name in INSTEAD if name in flags), None):
+        raise UserError(f"trainer.{taken} is set by this package; {INSTEAD[taken]}.")
+    flags = {name: _built(f"trainer.{name}", value) for name, value in flags.items()}
+    more = flags.pop("plugins", [])
     try:
         trainer = Trainer(
             **flags,
-            plugins=[CheckpointFiles()],
+            plugins=[CheckpointFiles(), *(more if isinstance(more, list) else [more])],
             callbacks=[*keepers, *callbacks],
             logger=[*loggers],
             use_distributed_sampler=False,  # every process knows its share of a batch
@@ -213,6 +225,13 @@ def make_trainer(
     return trainer
 
 
+def _built(where: str, value: Any) -> Any:  # noqa: ANN401
+    """Return a flag, with the objects that it or its items name by ``_target_``."""
+    if isinstance(value, list):
+        return [_built(f"{where}.{index}", item) for index, item in enumerate(value)]
+    return build(where, value) if is_node(value) else value
+
+
 def build_callbacks(nodes: Mapping[str, Any], flags: Mapping[str, Any]) -> list[Callback]:
     """Build the configured callbacks; without progress bars where flags leave them out.
 
@@ -227,7 +246,7 @@ def build_callbacks(nodes: Mapping[str, Any], flags: Mapping[str, Any]) -> list[
 
 def _keep(working: Path, name: str, monitor: str | None) -> ModelCheckpoint:
     """Make the callback that keeps the epoch with the smallest ``monitor``, or the last epoch."""
-    return ModelCheckpoint(
+    return Keeper(
         dirpath=working,
         filename=name,
         monitor=monitor,
