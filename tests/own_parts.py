@@ -134,3 +134,14 @@ def _spoilt(x: torch.Tensor, how: str) -> Any:
         "nan": lambda: x * torch.nan, "swapped": lambda: x.mT, "complex": lambda: x + 0j,
     }  # fmt: skip
     return changes[how]() if how in changes else x
+
+
+class LazyNet(nn.Module):
+    """Layers whose sizes the first input would tell."""
+
+    def __init__(self, classes: int) -> None:
+        super().__init__()
+        self.score_layer = nn.LazyConv1d(classes, 1)
+
+    def features(self, x: torch.Tensor, level: str) -> torch.Tensor:
+        return self.score_layer(x)

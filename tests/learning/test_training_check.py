@@ -100,6 +100,12 @@ def test_a_score_layer_of_other_features_is_found_before_the_training(world):
     assert fault_of(caught.value).startswith("model.force.network (SpoiltNet) raised RuntimeError")
 
 
+def test_layers_that_wait_for_an_input_are_refused():
+    node = {"_target_": "own_parts.LazyNet"}
+    with pytest.raises(UserError, match=r"^model\.force\.network has lazy layers, .*nn\.Conv1d\("):
+        module(card(network=node))
+
+
 @pytest.mark.parametrize("part", ["features", "network"])
 def test_what_a_part_raises_keeps_its_traceback_after_its_key(world, part):
     with pytest.raises(KeyError, match="boom of a user") as caught:

@@ -166,6 +166,24 @@ def test_help_and_near_matches_know_the_users_files(cli, tmp_path):
     assert "--config-dir=/no/such is no folder" in outcome.err
 
 
+def test_what_an_own_class_raises_follows_one_line_with_its_key(cli, tmp_path):
+    (tmp_path / "conf" / "data").mkdir(parents=True)
+    code = "class Reader:\n    def read(self):\n        raise KeyError(1)\n"
+    (tmp_path / "boom.py").write_text(code)
+    node = "defaults: [base, _self_]\nname: boom\nreader: {_target_: boom.Reader}\n"
+    (tmp_path / "conf" / "data" / "boom.yaml").write_text(node)
+    outcome = cli(f"--config-dir={tmp_path}/conf", "data=boom", f"hydra.run.dir={tmp_path}/run")
+    assert outcome.status == 1
+    assert outcome.err.startswith("Error: data.reader (Reader) raised KeyError; a reader has")
+    assert "boom.py" in outcome.err
+
+
+def test_recordings_of_an_own_sense_are_inspected_whatever_the_model_is(cli, data, tmp_path):
+    outcome = cli(*CONF, *data, "task=inspect", f"hydra.run.dir={tmp_path}/run")
+    assert outcome.status == 0, outcome.err
+    assert "Force" in outcome.err
+
+
 def test_a_photo_that_is_too_small_for_an_own_trunk_is_named(cli, data, flat, tmp_path):
     small = ["model=visual", "trunk=small", "data.resize=64", f"hydra.run.dir={tmp_path}"]
     outcome = cli(*CONF, *data, *small)

@@ -123,3 +123,7 @@ def test_mistakes_end_in_one_sentence(cli, surfaces, fused, crossvalidated, tmp_
     refuse("has trained on 6 of the 6 test", f"stability.systems=[{fused}]", "data.test_fold=4")
     systems = f"stability.systems=[{crossvalidated}]"
     refuse("(did you mean white_noise?)", systems, "stability.only=[white_nose]")
+    entry = "{function: numpy.multiply, unit: x, levels: [0, 1, 2, 3, 4, 5]}"
+    (tmp_path / "own.yaml").write_text(f"hapitc: {{mine: {entry}}}\n")
+    severities = f"stability.severities=[{tmp_path}/own.yaml]"
+    refuse("has the modality hapitc (did you mean haptic?)", systems, severities)

@@ -202,8 +202,8 @@ class ModelConfig:
 
     @property
     def nodes(self) -> list[Any]:
-        """What a card keeps of it: the nodes of its baseline and of its senses."""
-        return [self.baseline, *(self.sense(name).node for name in self.senses)]
+        """The nodes of its baseline and of all senses: what may be built without a checkpoint."""
+        return [self.baseline, *(self.sense(name).node for name in self.known)]
 
     @property
     def checkpoints(self) -> dict[str, str]:

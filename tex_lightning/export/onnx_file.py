@@ -171,7 +171,10 @@ def compare(
             expected = classifier.logits(**recordings)
             vote = classifier.decide(expected, classifier.card.temperature)
         begin = time.perf_counter()
-        outputs = runner(inputs)
+        try:
+            outputs = runner(inputs)
+        except Exception as error:  # of the file, as of a network whose form holds for one length
+            raise untraceable(classifier, error) from error
         times.append(time.perf_counter() - begin)
         wide = expected.double().numpy()
         scores.append(float(np.abs(outputs["scores"] - wide).max() / max(np.ptp(wide), 1e-12)))

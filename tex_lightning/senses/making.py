@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from torch import nn
+from torch.nn.parameter import is_lazy
 
 from tex_lightning.config.instantiation import TARGET, make, make_value, trusted_class
 from tex_lightning.data.decode import check_decoding
@@ -49,6 +50,11 @@ def make_sense(name: str, node: Mapping[str, Any], classes: int) -> Sense:
         parts[kind] = make(f"{where}.{kind}", node[kind], **offered)
         if not isinstance(parts[kind], nn.Module):
             raise UserError(f"{where}.{kind} gives {shorten(parts[kind])}, which is no nn.Module.")
+        if any(map(is_lazy, parts[kind].parameters())):
+            raise UserError(
+                f"{where}.{kind} has lazy layers, whose sizes a checkpoint would not say; give "
+                "them their sizes, as in nn.Conv1d(50, 8, 3) for nn.LazyConv1d(8, 3)."
+            )
         shape = {name: getattr(parts[kind], name, None) for name in ("bands", "blocks", "bins")}
         offered |= {name: value for name, value in shape.items() if value is not None}
     check_network(f"{where}.network", node["network"][TARGET], parts["network"])

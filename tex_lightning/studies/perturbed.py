@@ -26,9 +26,9 @@ from tex_lightning.core.devices import pick_device, to_cpu
 from tex_lightning.core.run_folder import SUFFIX, TRAINS, run_of
 from tex_lightning.data.decode import Decoder
 from tex_lightning.data.folds import Sample, make_samples
-from tex_lightning.data.recordings import Recording, write_part
+from tex_lightning.data.recordings import MODALITIES, Recording, write_part
 from tex_lightning.data.store import Store, fingerprint
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, nearest
 from tex_lightning.evaluation.comparison import mcnemar
 from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.evaluation.robustness import StabilityRow
@@ -273,7 +273,9 @@ def choose_perturbations(
     """
     known = dict(perturbations())
     for path in settings.severities:
-        known |= read_severities(path)
+        table = read_severities(path)
+        known |= table
+        _check_modalities(path, table, systems)
     for name in settings.only or ():
         if complaint := next(choice("stability.only", name, tuple(known)), None):
             raise UserError(f"{complaint}.")
@@ -295,6 +297,16 @@ def choose_perturbations(
             for severity in (SEVERITIES[0], SEVERITIES[-1]):
                 fold.datasets[perturbation.modality].perturbed(row, perturbation, severity)
     return chosen
+
+
+def _check_modalities(
+    path: str, table: Mapping[str, Perturbation], systems: Sequence[PerturbedSystem]
+) -> None:
+    """Reject a slip in the name of a modality; others may be those of other systems."""
+    known = {*MODALITIES, *(name for system in systems for name in system.folds[0].datasets)}
+    for name in {kind.modality for kind in table.values()} - known:
+        if near := nearest(name, known):
+            raise UserError(f"stability.severities={path} has the modality {name}{near}.")
 
 
 def _checkpoints(path: Path) -> dict[str, list[TestedCheckpoint]]:
