@@ -73,9 +73,7 @@ def strangers(
         if name not in parameters:
             known = listed([*parameters]) or "none"
             key = f"{where}.{shorten(name)}"
-            out = (
-                f", so leave it out, as by ~{key}"  # what another class had
-            )
+            out = f", so leave it out, as by ~{key}"  # what another class had
             near = nearest(str(name), parameters, f"{where}.")
             yield f"There is no key {key}{near}; its class has {known}{out * (not near)}"
 
