@@ -182,7 +182,8 @@ def _check_names(path: Path, names: Sequence[str]) -> None:
     if missing := [column for column in MEANT if column not in names]:
         raise UserError(
             f"Manifest {path} has no column {' or '.join(missing)}; its first line must name "
-            f"{','.join(COLUMNS)}, of which modality and group may be left out."
+            f"{','.join(COLUMNS)}, of which modality and group may be left out. Samples are no "
+            "manifest: each recording has a file of its own (docs/data.md, Recordings in one file)."
         )
 
 

@@ -204,6 +204,20 @@ def test_flat_files_are_told_by_the_mark_that_all_names_have(tmp_path):
         read_folder(touch(tmp_path, "red_oak-1.wav", "elm-1.wav", "README.txt"))
 
 
+@pytest.mark.parametrize(
+    ("files", "said"),
+    [
+        (["all.csv"], "write the samples of each recording into a table of its own"),
+        (["X_train.csv", "y_train.csv"], "LABEL/haptic/NUMBER.csv"),
+        (["oak_1.csv", "oak_2.csv", "elm_1.csv", "elm_2.csv"], r"pattern='{label}_{group}.csv'"),
+        (["X.npy", "Y.npy"], "write each row of X"),
+    ],
+)
+def test_all_recordings_in_one_file_are_told_how_they_become_files(tmp_path, files, said):
+    with pytest.raises(UserError, match=said):
+        read_folder(touch(tmp_path, *files))
+
+
 def test_folders_of_versions_below_a_star_are_versions_too(tmp_path):
     root = touch(tmp_path, *crossed("oak elm", "raw filtered"))
     table, _ = read_names(root, "{label}/*/{group}.wav")

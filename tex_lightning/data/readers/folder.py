@@ -37,6 +37,7 @@ from tex_lightning.data.recordings import (
 from tex_lightning.errors import UserError, listed
 from tex_lightning_runtime.files import expanded
 from tex_lightning_runtime.photos import IMAGE_SUFFIXES
+from tex_lightning_runtime.tables import SUFFIXES
 from tex_lightning_runtime.traces import TRACE_SUFFIXES, axis_files, stands_for_all
 
 SYSTEMS = ("Thumbs.db", "desktop.ini")  # files that are nobody's
@@ -45,6 +46,7 @@ READ_ME = {  # text and tables beside recordings, of any suffix
     "notes", "note", "comments", "description", "protocol", "summary",
 }  # fmt: skip
 MAX_KINDS = 6
+MAX_WHOLE = 3  # tables, in which all recordings may be, since so few are no data set
 TO_SOUND = " Convert other sound to .flac or .wav, such as with ffmpeg."
 TO_TABLE = " Save sheets of recordings as CSV."
 TO_TEXT = " Rename what is a table of numbers in text to .csv."
@@ -177,7 +179,14 @@ def _nothing_in(root: Path, others: Sequence[Path], counted: Sequence[str]) -> s
         )
     if named := next(iter(tables_of_labels(root)), None):
         return f"Folder {root} has no folder for each class, but {named.notes[-1]}."
-    if recorded := _recorded(root):
+    recorded = _recorded(root)
+    if 0 < len(recorded) <= MAX_WHOLE and {path.suffix.lower() for path in recorded} <= {*SUFFIXES}:
+        return (
+            f"Folder {root} has no folder for each class: it holds {count_kinds(flat)}; write the "
+            f"samples of each recording into a table of its own, {root}/LABEL/haptic/NUMBER.csv "
+            "(docs/data.md, Recordings in one file)."
+        )
+    if recorded:
         return (
             f"Folder {root} has no folder for each class: it holds {count_kinds(flat)}; "
             f"{by_pattern(root, ((), flat_pattern(recorded)))}, or with a pattern that fits their "
