@@ -4,6 +4,7 @@ import pytest
 
 from tex_lightning.config.composition import current_job, run_composed
 from tex_lightning.config.user_folders import use_config_dir, user_folders, with_own_senses
+from tex_lightning.errors import UserError
 
 
 @pytest.fixture
@@ -27,6 +28,12 @@ def test_what_is_asked_for_is_composed_so_that_what_it_lacks_is_told(given):
     asked = [given, "model.senses=[shared]"]
     added = ["+sense@model.force=force", "+sense@model.shared=shared"]
     assert with_own_senses(asked) == [*asked, *added]
+
+
+def test_a_search_path_that_is_not_there_is_a_mistake(tmp_path):
+    with pytest.raises(UserError, match=r"^hydra\.searchpath names .*/none, which is no folder\.$"):
+        with_own_senses([f"hydra.searchpath=[file://{tmp_path},file://{tmp_path}/none]"])
+    assert with_own_senses(["hydra.searchpath=[pkg://some.conf]"])
 
 
 def test_a_file_that_cannot_be_read_is_left_to_hydra(given, tmp_path):

@@ -69,12 +69,19 @@ def _is_fragment(file: Path, overrides: Sequence[str]) -> bool:
 
 
 def named_folders(overrides: Sequence[str]) -> Iterator[Path]:
-    """Yield folders that ``hydra.searchpath=[file://DIR,…]`` names."""
+    """Yield folders that ``hydra.searchpath=[file://DIR,…]`` names.
+
+    Raises:
+        UserError: If one is not there, of which Hydra would warn in lines of code.
+    """
     for override in overrides:
         key, _, value = override.partition("=")
         if key == "hydra.searchpath":
             for entry in value.strip("[]").split(","):
-                yield Path(entry.strip(" '\"").removeprefix("file://"))
+                place = entry.strip(" '\"").removeprefix("file://")
+                if not Path(place).is_dir() and not any(sign in place for sign in ("://", "${")):
+                    raise UserError(f"hydra.searchpath names {place}, which is no folder.")
+                yield Path(place)
 
 
 def installed_packages() -> list[str]:
