@@ -5,6 +5,7 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import detrend
 from torch.export import Dim
 
 from tex_lightning.errors import UserError
@@ -49,15 +50,18 @@ def test_spectrogram(axes, options):
     assert int(found_start) == start
 
 
-def test_proportions():
+@pytest.mark.parametrize("offset", [2, -12])  # a trend is taken out unless all are positive
+def test_proportions(offset):
     features = BandProportions(
         sampling_rate=RATE, windows=[0.05, 0.3, 5], bands_per_octave=[4, 4, 6], thresholds=3,
         fragment_seconds=0.8, skip_impact=True, levels=3,
     )  # fmt: skip
     trace = recording(3)
     features.learn(
-        [2 + recording(3).roll(37, dims=1)]
+        [offset + recording(3).roll(37, dims=1)]
     )  # of its own thresholds every value would be one
+    assert bool(features.detrends) == (offset < 0)
+    trace = trace + torch.linspace(0, 5, trace.shape[1])
     open_sizes = {"trace": {1: Dim.DYNAMIC}}
     graph = torch.export.export(
         ProportionsGraph(features), (trace,), dynamic_shapes=open_sizes, strict=False
@@ -70,17 +74,19 @@ def test_proportions():
 
 
 @pytest.mark.parametrize(("length", "hop", "axes"), [(500, 100, 3), (60, 15, 1), (13, 4, 2)])
-@pytest.mark.parametrize("centred", [True, False])
-def test_power_of_every_channel_is_that_of_a_fourier_transform(length, hop, axes, centred):
+@pytest.mark.parametrize("detrends", [True, False])
+def test_power_of_every_channel_is_that_of_a_fourier_transform(length, hop, axes, detrends):
     rng = np.random.default_rng(0)
-    trace = rng.standard_normal((axes, 3 * length + 7))
+    trace = rng.standard_normal((axes, 3 * length + 7)).cumsum(axis=1)
     window = np.hamming(length)
     filters = torch.from_numpy(rng.random((9, length // 2 + 1)))
     count = (trace.shape[1] - length) // hop + 1
     frames = np.stack([trace[:, hop * t : hop * t + length] for t in range(count)])
-    frames = (frames - centred * frames.mean(axis=-1, keepdims=True)) * window
+    frames = detrend(frames, type="linear" if detrends else "constant") * window
     power = (np.abs(np.fft.rfft(frames)) ** 2).sum(axis=1)
-    module = BandPower(torch.from_numpy(window).float(), hop, filters, centred=centred)
+    slope = torch.linspace(-1, 1, length)
+    slope = slope / slope.norm() if detrends else None
+    module = BandPower(torch.from_numpy(window).float(), hop, filters, slope)
     found = module(torch.from_numpy(trace).float()).numpy()
     np.testing.assert_allclose(found, filters.numpy() @ power.T, rtol=1e-4)
 

@@ -98,22 +98,26 @@ class BandPower(nn.Module):
         window: (samples,) that frames are multiplied by.
         hop: Samples from one frame to the next.
         filters: (bands, samples // 2 + 1) weights of the channels.
-        centred: Whether every frame's mean is removed first.
+        slope: (samples,) of norm 1, of a trend that every frame loses beside its mean.
     """
 
     window: Tensor
+    slope: Tensor | None
     first: Tensor
     turn: Tensor
     second: Tensor
     weights: Tensor
 
-    def __init__(self, window: Tensor, hop: int, filters: Tensor, *, centred: bool) -> None:
+    def __init__(
+        self, window: Tensor, hop: int, filters: Tensor, slope: Tensor | None = None
+    ) -> None:
         super().__init__()
-        self.hop, self.centred = hop, centred
+        self.hop = hop
         length = len(window)
         self.outer, self.inner = factors(length)
         kept = self.outer // 2 + 1  # the others are their conjugates
         self.register_buffer("window", window.clone())
+        self.register_buffer("slope", slope)
         # cosines, then sines of -2 pi p k / P: (outer, 2 * kept)
         first = _angles(torch.arange(self.outer)[:, None] * torch.arange(kept), self.outer)
         self.register_buffer("first", torch.cat((first.cos(), first.sin()), dim=1).float())
@@ -138,8 +142,9 @@ class BandPower(nn.Module):
         count = (trace.shape[-1] - length) // self.hop + 1
         axes = trace.shape[0]
         frames = self._frames(trace, count)
-        if self.centred:
-            frames = frames - frames.mean(dim=-1, keepdim=True)
+        frames = frames - frames.mean(dim=-1, keepdim=True)
+        if self.slope is not None:
+            frames = frames - (frames @ self.slope)[..., None] * self.slope
         grid = (frames * self.window).reshape(axes * count, self.outer, self.inner)
         kept = self.turn.shape[2]
         # of every sample of the inner grid real and imaginary parts, each of the kept channels
@@ -187,7 +192,7 @@ class SpectrogramGraph(nn.Module):
         channels = features.window_length // 2 + 1
         linear = features.scale == "linear"
         filters = torch.eye(features.bands, channels) if linear else features.filters.T
-        self.power = BandPower(features.window, features.hop_length, filters, centred=True)
+        self.power = BandPower(features.window, features.hop_length, filters)
 
     def forward(self, trace: Tensor) -> tuple[Tensor, Tensor]:
         """Map a trace (axes, samples) to network input (1, 1, bands, frames) and its start, ()."""
@@ -214,7 +219,8 @@ class ProportionsGraph(nn.Module):
         self.powers = nn.ModuleList()
         for part in features.used:
             filters = part.filters.T / part.window.sum().square()
-            self.powers.append(BandPower(part.window, part.hop, filters, centred=True))
+            slope = part.slope if part.detrends else None
+            self.powers.append(BandPower(part.window, part.hop, filters, slope))
 
     def forward(self, trace: Tensor) -> Tensor:
         """Map a trace (axes, samples) to proportions (1, 1, bands, fragments)."""
