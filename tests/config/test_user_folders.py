@@ -1,8 +1,12 @@
 """Which senses of a user's folder are composed with every command."""
 
+import shutil
+
 import pytest
 
+from tex_lightning.config import CONF
 from tex_lightning.config.composition import current_job, run_composed
+from tex_lightning.config.mistakes import check_choices
 from tex_lightning.config.user_folders import use_config_dir, user_folders, with_own_senses
 from tex_lightning.errors import UserError
 
@@ -64,6 +68,16 @@ def test_a_file_with_the_name_of_the_packages_is_not_passed_over_in_silence(cli,
         assert "Error: data/folder.yaml of yours has the name of an option" in outcome.err
     (tmp_path / "two" / "model" / "haptic.yaml").write_text("defaults: [base, _self_]\n")
     assert "Error: model/haptic.yaml of yours has the name" in cli(*two, "model=haptic").err
+
+
+def test_a_copy_of_the_packages_folder_is_read_as_that(tmp_path):
+    shutil.copytree(CONF, tmp_path / "conf")
+    where, choices = [f"hydra.searchpath=[file://{tmp_path}/conf]"], {"data": "folder"}
+    check_choices(choices, where)
+    assert with_own_senses(where) == where
+    (tmp_path / "conf" / "data" / "folder.yaml").write_text("root: null\n")
+    with pytest.raises(UserError, match=r"data/folder\.yaml of yours"):
+        check_choices(choices, where)
 
 
 def test_options_of_the_package_are_near_those_of_a_folder(cli, two):

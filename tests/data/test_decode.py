@@ -215,7 +215,7 @@ def one_sentence(path, decoder, capfd):
         "{'descr': '<U500000000', 'fortran_order': False, 'shape': (3,), }\n",
         "{'descr': '<f8', 'fortran_order': False, 'shape': (-1,), }\n",
         "{'descr': '<f8', 'fortran_order': False, 'shape': (3L,), 'shape\n",
-        "{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': (3,), }\n",
+        "{'descr': [('a', '<U2')], 'fortran_order': False, 'shape': (3,), }\n",
     ],
 )
 def test_a_header_that_claims_the_impossible_is_refused(tmp_path, capfd, header):

@@ -14,7 +14,6 @@ objects are built by :mod:`.instantiation`. :mod:`.overrides` reads back what a 
 
 from dataclasses import is_dataclass, replace
 from functools import cache
-from pathlib import Path
 from typing import Annotated, Any
 
 import yaml
@@ -38,18 +37,15 @@ from tex_lightning.config.tasks import (
     Task,
     TrainerConfig,
 )
-from tex_lightning.config.user_folders import register_folders
+from tex_lightning.config.user_folders import CONF, register_folders
 from tex_lightning.core.run_folder import subject
 
 __all__ = [
-    "READ_FILES", "SILENT", "TASKS", "Config", "DataConfig", "DecisionConfig", "EngineConfig",
-    "Folding", "ModelConfig", "ProfileConfig", "StabilityConfig", "StreamConfig", "TrainerConfig",
-    "flatten", "plain_values", "register", "trunk_name",
+    "CONF", "READ_FILES", "SILENT", "TASKS", "Config", "DataConfig", "DecisionConfig",
+    "EngineConfig", "Folding", "ModelConfig", "ProfileConfig", "StabilityConfig", "StreamConfig",
+    "TrainerConfig", "flatten", "plain_values", "register", "trunk_name",
 ]  # fmt: skip
 
-INSIDE = Path(__file__).parents[1] / "conf"  # in an installed wheel
-BESIDE = Path(__file__).parents[2] / "conf"  # in a checkout
-CONF = INSIDE if INSIDE.is_dir() else BESIDE
 SCHEMA = "tex_lightning_schema"  # the first of the defaults in conf/config.yaml
 VARIANTS = CONF / "variants.yaml"
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # of a library that may lack its quick one

@@ -115,7 +115,7 @@ def _shadowed(group: str, option: str) -> str:
 
 
 def check_choices(choices: Mapping[str, object], overrides: Sequence[str]) -> None:
-    """Reject a chosen option that stands in a user's folder and in the package, which comes first.
+    """Reject a chosen option that a user's folder has, too, and otherwise: the package's is read.
 
     Raises:
         UserError: If there is one.
@@ -123,7 +123,9 @@ def check_choices(choices: Mapping[str, object], overrides: Sequence[str]) -> No
     folders = [*user_folders(), *named_folders(overrides)]
     for key, option in choices.items():
         group, file = key.partition("@")[0], f"{key.partition('@')[0]}/{option}.yaml"
-        if (CONF / file).is_file() and any((folder / file).is_file() for folder in folders):
+        own = [folder / file for folder in folders if (folder / file).is_file()]
+        read = (CONF / file).read_bytes() if own and (CONF / file).is_file() else None
+        if read is not None and any(each.read_bytes() != read for each in own):
             raise UserError(_shadowed(group, str(option)))
 
 

@@ -1,7 +1,8 @@
-"""Find the configuration folders of the user and of installed plug-ins.
+"""Find the configuration folders: of the package, of the user and of installed plug-ins.
 
-These are the folder of ``--config-dir`` and the ``conf`` of every installed package that has an
-entry point in the group ``tex_lightning.plugins``. Senses are also found in ``hydra.searchpath``.
+The user's are those of ``--config-dir``, and a plug-in's is the ``conf`` of an installed package
+with an entry point in the group ``tex_lightning.plugins``. Senses are also found in
+``hydra.searchpath``.
 """
 
 import re
@@ -18,9 +19,11 @@ from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.plugins import Plugins
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 
-from tex_lightning.config.model import PACKAGE_SENSES
 from tex_lightning.errors import UserError
 
+INSIDE = Path(__file__).parents[1] / "conf"  # in an installed wheel
+BESIDE = Path(__file__).parents[2] / "conf"  # in a checkout
+CONF = INSIDE if INSIDE.is_dir() else BESIDE
 ENTRY_POINTS = "tex_lightning.plugins"
 FLAG = "--config-dir"  # Hydra's
 
@@ -49,7 +52,8 @@ def with_own_senses(overrides: Sequence[str]) -> list[str]:
     folders = [*user_folders(), *named_folders(overrides)]
     files = (file for folder in folders for file in folder.glob("sense/*.yaml"))
     names = {file.stem for file in files if not _is_fragment(file, overrides)}
-    senses = sorted(names.difference(PACKAGE_SENSES, ["base"]))  # base is what others begin with
+    ours = (file.stem for file in (CONF / "sense").glob("*.yaml"))
+    senses = sorted(names.difference(ours, ["base"]))  # base is what others begin with
     added = [f"+sense@model.{name}={name}" for name in senses]
     return [*overrides, *(item for item in added if item not in overrides)]
 

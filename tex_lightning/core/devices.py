@@ -220,7 +220,9 @@ def own_defaults() -> Iterator[None]:
     """
     dtype, elsewhere = torch.get_default_dtype(), torch.get_default_device().type != "cpu"
     drawn = np.random.get_state()  # noqa: NPY002  (aeon seeds it)
-    generators = [torch.cuda.current_device()] if torch.cuda.is_available() else []
+    # what no one has started has drawn nothing, and a label on the CPU must not start it
+    started = torch.cuda.is_initialized()  # type: ignore[no-untyped-call]
+    generators = [torch.cuda.current_device()] if started else []
     with (
         computing_threads(),
         torch.random.fork_rng(generators),
