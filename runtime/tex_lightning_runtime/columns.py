@@ -50,7 +50,12 @@ class Reading:
 
 
 def separate(
-    columns: list[Column], channels: Channels, time_unit: str | None, rate: float | None
+    columns: list[Column],
+    channels: Channels,
+    time_unit: str | None,
+    rate: float | None,
+    *,
+    rate_from: str = "the lines above the table",
 ) -> tuple[Array, float | None, Reading]:
     """Take the axes out of the columns of a table.
 
@@ -59,6 +64,7 @@ def separate(
         channels: Which axes are kept; a name also keeps a column that would be left out.
         time_unit: Unit of times in numbers; None takes what the table says.
         rate: Rate in Hz that stands above the table, if there is one.
+        rate_from: Where else it stands.
 
     Returns:
         Samples (axes, samples) float64, their rate in Hz or None, and how they were read.
@@ -80,7 +86,7 @@ def separate(
     blank = np.all([column.values.isna() for column in axes], axis=0)
     rows = ~blank if times is not None and not blank.all() else np.full(len(blank), True)
     samples = np.stack([_samples(column, rows) for column in axes])
-    found, said = Even(samples, rate or 0.0), "the lines above the table" if rate else ""
+    found, said = Even(samples, rate or 0.0), rate_from if rate else ""
     if times is not None and time is not None:
         found = even_samples(times[rows], samples)
         said = f"times in {_title(time)}{found.said}"

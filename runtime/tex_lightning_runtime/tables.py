@@ -80,9 +80,7 @@ def separate_arrays(
         for number, values in enumerate(rows, 1):
             title = name if len(rows) == 1 else f"{name}_{number}"
             columns.append(Column(title, "", pandas.Series(values), first=not columns))
-    samples, rate, reading = separate(columns, channels, time_unit, rate)
-    stated = reading.rate_from if reading.rate_from.startswith("times") or not rate else HEADER
-    return samples, rate, replace(reading, rate_from=stated)
+    return separate(columns, channels, time_unit, rate, rate_from=HEADER)
 
 
 def _are_titles(cells: "pd.Series[Any]") -> bool:

@@ -26,28 +26,33 @@ def test_a_class_of_another_sensor_is_told(axes, told):
     assert [note.partition(",")[0] for note in notes] == told
 
 
+def recordings(modality, values):
+    """One recording of a class for each of its values, with that value."""
+    return {
+        Recording(label, modality, Path(f"{value}"), number): value
+        for label, some in values.items()
+        for number, value in enumerate(some)
+    }
+
+
+def check(notes, told):
+    assert len(notes) == bool(told)
+    assert not told or notes[0].startswith(told)
+
+
 @pytest.mark.parametrize(
     ("levels", "told"),
     [
         ({"oak": [0.1, 0.3], "elm": [0.02, 0.05]}, ""),
         ({"oak": [0.1, 0.3], "elm": [9000.0, 4000.0]}, "2 of 4 traces, of elm alone, are 13,333"),
         ({"oak": [0.1, 4000.0], "elm": [9000.0, 0.4]}, "2 of 4 traces are 10,000 times as strong"),
-        (
-            {"oak": [1.0, 2.0, 3.0], "elm": [0.003]},
-            "1 of 4 traces, of elm alone, are 333",
-        ),
+        ({"oak": [1.0, 2.0, 3.0], "elm": [0.003]}, "1 of 4 traces, of elm alone, are 333"),
         ({"oak": [0.0, 0.3], "elm": [0.02, 0.0]}, ""),  # a silent one has no unit
     ],
 )
 def test_classes_in_another_unit_are_told(levels, told):
-    level = {
-        Recording(label, "haptic", Path(f"{value}"), number): value
-        for label, values in levels.items()
-        for number, value in enumerate(values)
-    }
-    notes = other_units(Recordings(tuple(level)), SimpleNamespace(level=level.get))
-    assert len(notes) == bool(told)
-    assert not told or notes[0].startswith(told)
+    level = recordings("haptic", levels)
+    check(other_units(Recordings(tuple(level)), SimpleNamespace(level=level.get)), told)
 
 
 @pytest.mark.parametrize(
@@ -55,18 +60,9 @@ def test_classes_in_another_unit_are_told(levels, told):
     [
         ({"oak": [0.3, 0.3], "elm": [0.3, 0.4]}, ""),
         ({"oak": [0.3, 12.0], "elm": [0.4, 12.0]}, ""),  # both cameras took both
-        (
-            {"oak": [12.0, 8.0, 8.0], "elm": [0.4]},
-            "1 of 4 photos, of elm alone, are 20",
-        ),
+        ({"oak": [12.0, 8.0, 8.0], "elm": [0.4]}, "1 of 4 photos, of elm alone, are 20"),
     ],
 )
 def test_a_class_of_another_camera_is_told(sizes, told):
-    size = {
-        Recording(label, "image", Path(f"{value}"), number): value
-        for label, values in sizes.items()
-        for number, value in enumerate(values)
-    }
-    notes = other_cameras(Recordings(tuple(size)), SimpleNamespace(extent=size.get))
-    assert len(notes) == bool(told)
-    assert not told or notes[0].startswith(told)
+    size = recordings("image", sizes)
+    check(other_cameras(Recordings(tuple(size)), SimpleNamespace(extent=size.get)), told)

@@ -20,6 +20,7 @@ from hydra.core.plugins import Plugins
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 
 from tex_lightning.errors import UserError
+from tex_lightning_runtime.files import expanded
 
 INSIDE = Path(__file__).parents[1] / "conf"  # in an installed wheel
 BESIDE = Path(__file__).parents[2] / "conf"  # in a checkout
@@ -125,7 +126,7 @@ def use_config_dir(arguments: Sequence[str]) -> list[str]:
     parser.add_argument(FLAG, dest="folders", nargs="?", const="", action="append", default=[])
     options, others = parser.parse_known_args(arguments)
     for given in options.folders:
-        folder = Path(given).expanduser().resolve()
+        folder = expanded(given).resolve()
         if not given or not folder.is_dir():
             raise UserError(
                 f"--config-dir={given} is no folder; give the one with your data/NAME.yaml, "

@@ -17,6 +17,7 @@ from tex_lightning.networks.archives import check_archive
 from tex_lightning.networks.blocks import MEAN, STD
 from tex_lightning.networks.trunks import Trunk, name_trunk
 from tex_lightning.networks.trunks.base import Layout
+from tex_lightning_runtime.files import expanded
 
 log = logging.getLogger(__name__)
 MAX_WEIGHT = 1e6  # of a weight; published ones are below 100, and larger ones overflow in a product
@@ -90,7 +91,7 @@ def find_weights(trunk: Trunk, source: str) -> Path:
         UserError: There is no such file, or it is not bit for bit the published one.
     """
     if source != "imagenet":
-        path = Path(source).expanduser()
+        path = expanded(source)
         if not path.is_file():
             raise UserError(f"weights: there is no file {path}; give the path of a weight file.")
         return path

@@ -18,6 +18,7 @@ from tex_lightning.networks.blocks import Level, is_builtin
 from tex_lightning.perturbations.table import Augmentation
 from tex_lightning.senses.base import Change, Sense
 from tex_lightning.senses.features.image import ImageFeatures, crop_side, rotated_photos
+from tex_lightning_runtime.files import expanded
 from tex_lightning_runtime.pixels import as_pixels
 from tex_lightning_runtime.quality import Quality, Ranges, limits, photo_quality
 
@@ -127,7 +128,7 @@ class PhotoSense(Sense):
     ) -> tuple[Tensor, Quality]:
         """Decode a file or pixels; ``colour`` is the order of an array's colours."""
         if isinstance(recording, str | Path):
-            photo = self.decoder.decode(Path(recording).expanduser()).array
+            photo = self.decoder.decode(expanded(recording)).array
         else:
             pixels = as_pixels(recording, self.modality, colour)
             photo = self.decoder.scale(pixels, self.modality)

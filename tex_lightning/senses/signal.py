@@ -28,6 +28,7 @@ from tex_lightning.perturbations.traces import disturbed
 from tex_lightning.senses.base import Change, Sense, as_tensor
 from tex_lightning.senses.features.proportions import BandProportions
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
+from tex_lightning_runtime.files import expanded
 from tex_lightning_runtime.quality import (
     Quality,
     Ranges,
@@ -244,7 +245,7 @@ class SignalSense(Sense):
         """
         decoder = self.decoder.assuming(rate, channels, time_unit)
         if isinstance(recording, str | Path):
-            path = Path(recording).expanduser()
+            path = expanded(recording)
             raw, source, reading = read_trace(path, decoder)
             name = f"Trace {path}"
             log_once(log, f"Reads {plural(self.modality)}: {reading.said(source)}.")

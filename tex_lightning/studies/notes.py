@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import cast
+from typing import NamedTuple, cast
 
 from tex_lightning.data.decode import ASSUMED, SignalDecoder
 from tex_lightning.data.recordings import Recording, Recordings, plural
@@ -81,52 +81,71 @@ def other_axes(signals: Recordings, store: Store) -> list[str]:
 def other_units(signals: Recordings, store: Store) -> list[str]:
     """Warn of signals that are so much stronger or weaker than others that their unit differs."""
     levels = {row: level for row in signals if (level := store.level(row))}
-    odd, others, apart = _camps(levels)
-    if apart < UNITS_APART:
+    camps = _camps(levels)
+    if camps.ratio < UNITS_APART:
         return []
-    how = "strong" if levels[odd[0]] > levels[others[0]] else "weak"
     return [
-        f"{_count(odd, others)} are {apart:,.0f} times as {how} as any other (level "
-        f"{levels[odd[0]]:.3g} in {odd[0].path.name}, {levels[others[0]]:.3g} in "
-        f"{others[0].path.name}): bring all to one unit and gain, or these are told apart in place "
-        "of materials."
+        f"{_compared(levels, camps, ('strong', 'weak'), 'level')}: bring all to one unit and gain, "
+        "or these are told apart in place of materials."
     ]
 
 
 def other_cameras(photos: Recordings, store: Store) -> list[str]:
     """Warn of classes whose photos are much larger or smaller than those of all others."""
     sizes = {row: store.extent(row) for row in photos}
-    odd, others, apart = _camps(sizes)
-    if apart < SIZES_APART or {row.label for row in odd} & {row.label for row in others}:
+    camps = _camps(sizes)
+    if camps.ratio < SIZES_APART or camps.shared:
         return []
-    how = "large" if sizes[odd[0]] > sizes[others[0]] else "small"
     return [
-        f"{_count(odd, others)} are {apart:,.0f} times as {how} as any other "
-        f"({sizes[odd[0]]:.2g} megapixels in {odd[0].path.name}, {sizes[others[0]]:.2g} in "
-        f"{others[0].path.name}): cameras or distances may be told apart in place of materials; "
-        "take photos of all classes alike."
+        f"{_compared(sizes, camps, ('large', 'small'), 'megapixels')}: cameras or distances may be "
+        "told apart in place of materials; take photos of all classes alike."
     ]
 
 
-def _camps(values: Mapping[Recording, float]) -> tuple[list[Recording], list[Recording], float]:
-    """Return the fewer and the more recordings beside the widest step of values, and its ratio.
+class Camps(NamedTuple):
+    """The fewer and the more recordings beside the widest step of a value, and its ratio.
 
     Those at the step come first.
     """
+
+    odd: Sequence[Recording]
+    others: Sequence[Recording]
+    ratio: float
+
+    @property
+    def shared(self) -> set[str]:
+        """Classes that are on both sides."""
+        return {row.label for row in self.odd} & {row.label for row in self.others}
+
+
+def _camps(values: Mapping[Recording, float]) -> Camps:
     rows = sorted(values, key=values.__getitem__)
     steps = [values[above] / values[below] for below, above in pairwise(rows)]
-    apart = max(steps, default=1.0)
-    at = steps.index(apart) + 1 if steps else 0
+    ratio = max(steps, default=1.0)
+    at = steps.index(ratio) + 1 if steps else 0
     fewer, more = sorted((rows[at:], rows[:at][::-1]), key=len)
-    return fewer, more, apart
+    return Camps(fewer, more, ratio)
 
 
-def _count(odd: Sequence[Recording], others: Sequence[Recording]) -> str:
-    """Say how many recordings are odd, and whose they are if no other is of these classes."""
-    labels = {row.label for row in odd}
-    shared = labels & {row.label for row in others}
-    whose = "" if shared else f", of {listed(sorted(labels))} alone,"
-    return f"{len(odd)} of {len(odd) + len(others)} {plural(odd[0].modality)}{whose}"
+def _compared(
+    values: Mapping[Recording, float], camps: Camps, words: tuple[str, str], measure: str
+) -> str:
+    """Say how many recordings are odd, of which classes if these have no other, and how far.
+
+    Args:
+        values: What was measured.
+        camps: The camps of it.
+        words: What they are if their values are larger, and if smaller.
+        measure: Name or unit of the values.
+    """
+    one, other = camps.odd[0], camps.others[0]
+    labels = sorted({row.label for row in camps.odd})
+    whose = "" if camps.shared else f", of {listed(labels)} alone,"
+    return (
+        f"{len(camps.odd)} of {len(values)} {plural(one.modality)}{whose} are {camps.ratio:,.0f} "
+        f"times as {words[values[one] < values[other]]} as any other ({measure}: "
+        f"{values[one]:.3g} in {one.path.name}, {values[other]:.3g} in {other.path.name})"
+    )
 
 
 def reading_notes(signals: Recordings, store: Store) -> list[str]:
