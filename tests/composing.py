@@ -13,8 +13,7 @@ from typing import Any
 import pytest
 from hydra._internal import config_loader_impl
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
-from hydra._internal.config_repository import IConfigRepository
-from hydra._internal.core_plugins.file_config_source import FileConfigSource
+from hydra._internal.config_repository import ConfigRepository, IConfigRepository
 from hydra._internal.defaults_list import DefaultsList
 from hydra.core.config_store import ConfigStore
 from hydra.core.override_parser.types import Override
@@ -32,10 +31,10 @@ def compose_once(patch: pytest.MonkeyPatch) -> None:
     merged: dict[object, DictConfig] = {}
     list_defaults = config_loader_impl.create_defaults_list
     merge = ConfigLoaderImpl._compose_config_from_defaults_list
-    load, files = FileConfigSource.load_config, dict[str, ConfigResult]()
+    load, files = ConfigRepository.load_config, dict[str, ConfigResult | None]()
 
-    def once_loaded(self: FileConfigSource, config_path: str) -> ConfigResult:
-        if self.path not in OWN:
+    def once_loaded(self: ConfigRepository, config_path: str) -> ConfigResult | None:
+        if not _is_own(self):
             return load(self, config_path)
         if config_path not in files:
             files[config_path] = load(self, config_path)
@@ -70,7 +69,7 @@ def compose_once(patch: pytest.MonkeyPatch) -> None:
 
     # with each composition Hydra copies the registered schemas, which it does not change
     patch.setattr(ConfigStore, "__deepcopy__", lambda store, _: store, raising=False)
-    patch.setattr(FileConfigSource, "load_config", once_loaded)
+    patch.setattr(ConfigRepository, "load_config", once_loaded)
     patch.setattr(config_loader_impl, "create_defaults_list", once_listed)
     patch.setattr(ConfigLoaderImpl, "_compose_config_from_defaults_list", once_merged)
 

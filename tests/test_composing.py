@@ -1,6 +1,7 @@
 """What the tests keep of Hydra's compositions is what Hydra composes."""
 
 import pytest
+from omegaconf import OmegaConf
 
 from tex_lightning.config.composition import compose_config
 
@@ -29,3 +30,9 @@ def test_what_one_test_changes_the_next_does_not_get():
     changed = compose_config(["model=haptic"])
     changed.model.haptic.width = 0.01
     assert compose_config(["model=haptic"]).model.haptic.width != 0.01
+
+
+def test_a_file_is_read_once(monkeypatch):
+    compose_config(["model=haptic"])
+    monkeypatch.setattr(OmegaConf, "load", None)
+    compose_config(["model=haptic", "seed=1"])

@@ -117,6 +117,7 @@ def test_what_the_packages_classes_refuse_and_what_is_not_there_stay_one_sentenc
             "no attribute 'Nothing'; correct its _target_",
         ),
         ("tex_lightning.networks.hapticnet.HaptcNet", r"HaptcNet' \(did you mean HapticNet\?\); c"),
+        ("lightning.pytorch.loggers.WandbLogger", "wandb.*; install what it needs"),
         ("tex_lightning.networks.linear.LinearNet", "lacks classes, .*; give .*classes=VALUE"),
         (
             f"{__name__}.Heir",

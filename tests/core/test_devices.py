@@ -49,6 +49,7 @@ def test_defaults_of_a_program_are_not_used_and_stay_as_they_are(untrained):
         with own_defaults():
             np.random.seed(1)  # noqa: NPY002  (as aeon does)
             torch.manual_seed(1)
+            torch.use_deterministic_algorithms(True)  # as trainer.deterministic=true does
             made = torch.ones(1)
             assert (made.dtype, made.device.type) == (torch.float32, "cpu")
         made = torch.ones(1)
@@ -56,6 +57,7 @@ def test_defaults_of_a_program_are_not_used_and_stay_as_they_are(untrained):
     finally:
         torch.set_default_dtype(torch.float32)
         torch.set_default_device(None)
+    assert not torch.are_deterministic_algorithms_enabled()
     assert torch.equal(torch.random.get_rng_state(), generated)
     assert (np.random.get_state()[1] == drawn[1]).all()  # noqa: NPY002
 

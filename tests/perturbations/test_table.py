@@ -185,6 +185,8 @@ def test_a_users_table_names_any_modality(tmp_path):
         (f"force: {{weak: {{{LEVELS}}}}}", "names weak, which is no function of the package"),
         (f"a: {{x: {{function: force, {LEVELS}}}}}\nb: {{x: {{function: force, {LEVELS}}}}}",
          "x is there twice"),
+        ("a: {x: {function: darkness, unit: a, levles: [0]}}", "keyword argument 'levles'"),
+        ("a: {x: {function: darkness, unit: a}}", "x has no six levels"),
     ],
 )  # fmt: skip
 def test_a_users_table_is_refused_in_one_sentence(tmp_path, text, said):

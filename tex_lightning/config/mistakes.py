@@ -30,6 +30,12 @@ RENAMED = {
     ("model", "haptic_bands"): "band_proportions",
     ("sense", "bands"): "band_proportions",
 }
+EXTRAS = {  # of this package, by the option of hydra/launcher or hydra/sweeper that each brings
+    "joblib": "parallel",
+    "submitit_local": "parallel",
+    "submitit_slurm": "parallel",
+    "optuna": "optuna",
+}
 WORDS = {  # of Hydra and OmegaConf, and ours
     "^field '.*' is not Optional$": "it takes no null, give a value",
     ".*is not a ListConfig, list or tuple.*": "give a list, as in [A,B]",
@@ -92,6 +98,11 @@ def explain(error: Exception) -> UserError:
             options |= {*config_groups().get(group, ())}
         if name := RENAMED.get((group, option)):
             return UserError(f"{group}={option} does not exist: it is called {group}={name} now.")
+        if group in ("hydra/launcher", "hydra/sweeper") and option in EXTRAS:
+            return UserError(
+                f"{group}={option} needs a plug-in that is not installed; run: "
+                f"pip install 'tex_lightning[{EXTRAS[option]}]'"
+            )
         return UserError(
             f"{group}={shorten(option)} does not exist{nearest(option, options)}; "
             f"choose one of {', '.join(sorted(options))}."

@@ -75,7 +75,9 @@ def making(key: str, target: str) -> Iterator[None]:
         cause = _innermost(error)
         if f"{target}.".startswith(LIBRARIES):
             said = reason(str(cause).partition("\n    full_key:")[0] or type(cause).__name__)
-            raise UserError(f"{key} fails: {said}; correct its _target_ or arguments.") from error
+            lacks = isinstance(cause, ModuleNotFoundError)
+            cure = "install what it needs" if lacks else "correct its _target_ or arguments"
+            raise UserError(f"{key} fails: {said}; {cure}.") from error
         _note(cause, f"{key} raised {type(cause).__name__} while it was made.")
         raise cause from cause.__cause__
 

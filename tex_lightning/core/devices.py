@@ -216,8 +216,11 @@ def own_defaults() -> Iterator[None]:
     """Work with the defaults that this package counts on, and leave a program's as they were.
 
     Whatever type and device a program in Python gives new tensors, here they are float32 on the
-    CPU. Threads and random generators are as before afterwards.
+    CPU. Threads, random generators and what ``trainer.deterministic`` asks for are as before
+    afterwards.
     """
+    strict = torch.are_deterministic_algorithms_enabled()
+    warns = torch.is_deterministic_algorithms_warn_only_enabled()
     dtype, elsewhere = torch.get_default_dtype(), torch.get_default_device().type != "cpu"
     drawn = np.random.get_state()  # noqa: NPY002  (aeon seeds it)
     # what no one has started has drawn nothing, and a label on the CPU must not start it
@@ -233,6 +236,7 @@ def own_defaults() -> Iterator[None]:
             yield
         finally:
             torch.set_default_dtype(dtype)
+            torch.use_deterministic_algorithms(strict, warn_only=warns)
             np.random.set_state(drawn)  # noqa: NPY002
 
 

@@ -126,7 +126,7 @@ def _read(path: Path) -> dict[str, Perturbation]:
         for name, entry in entries.items():
             if name in table:
                 raise ValueError(f"{name} is there twice")
-            values = {**entry, "levels": tuple(entry["levels"])}
+            values = {**entry, "levels": tuple(entry.get("levels", ()))}
             table[name] = Perturbation(name, modality, **values)
     return table
 

@@ -1,0 +1,36 @@
+"""What Hydra raises where a plug-in of it is not installed, as everything is in these tests."""
+
+import re
+from importlib.metadata import requires
+
+import pytest
+from hydra.core.plugins import Plugins
+from hydra.errors import MissingConfigException
+
+from tex_lightning.config.mistakes import EXTRAS, explain
+
+
+def absent(option: str) -> str:
+    """The sentence for an option of which Hydra knows nothing."""
+    return str(explain(MissingConfigException("Could not find it", option, ["basic"])))
+
+
+@pytest.mark.parametrize("option", EXTRAS)
+def test_the_extra_of_a_plug_in_is_named(option):
+    group = "sweeper" if option == "optuna" else "launcher"
+    said = absent(f"hydra/{group}/{option}")
+    assert said.startswith(f"hydra/{group}={option} needs a plug-in that is not installed; run: ")
+    extra = re.search(r"tex_lightning\[(.*)\]'$", said)[1]
+    (plugin,) = {
+        cls.__module__.partition(".")[2].partition(".")[0]
+        for cls in Plugins.instance().discover()
+        if option.partition("_")[0] in cls.__module__
+    }
+    assert any(
+        line.startswith(plugin.replace("_", "-")) and f"extra == '{extra}'" in line
+        for line in requires("tex_lightning")
+    )
+
+
+def test_a_slip_is_no_plug_in():
+    assert absent("hydra/launcher/joblb") == "hydra/launcher=joblb does not exist; choose one of basic."
