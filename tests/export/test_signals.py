@@ -53,7 +53,7 @@ def test_spectrogram(axes, options):
 @pytest.mark.parametrize("offset", [2, -12])  # a trend is taken out unless all are positive
 def test_proportions(offset):
     features = BandProportions(
-        sampling_rate=RATE, windows=[0.05, 0.3, 5], bands_per_octave=[4, 4, 6], thresholds=3,
+        sampling_rate=RATE, windows=[0.05, 5], bands_per_octave=[4, 6], thresholds=3,
         fragment_seconds=0.8, skip_impact=True, levels=3,
     )  # fmt: skip
     trace = recording(3)

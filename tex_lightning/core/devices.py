@@ -236,7 +236,8 @@ def own_defaults() -> Iterator[None]:
             yield
         finally:
             torch.set_default_dtype(dtype)
-            torch.use_deterministic_algorithms(strict, warn_only=warns)
+            if torch.are_deterministic_algorithms_enabled() != strict:  # imports the compiler
+                torch.use_deterministic_algorithms(strict, warn_only=warns)
             np.random.set_state(drawn)  # noqa: NPY002
 
 
