@@ -13,7 +13,9 @@ import shutil
 import tarfile
 from pathlib import Path
 
+import h5py
 import numpy as np
+import pandas as pd
 import soundfile
 import torch
 from conftest import RATE, make_photo, make_trace
@@ -92,6 +94,20 @@ def write_web_runtime(path: Path) -> str:
     return f"sha512-{base64.b64encode(hashlib.sha512(path.read_bytes()).digest()).decode()}"
 
 
+def write_joined(folder: Path) -> None:
+    """Write two recordings in one file, in each of three forms."""
+    rows, labels = np.random.default_rng(0).standard_normal((2, 3, 500)), ["oak", "felt"]
+    np.save(folder / "X.npy", rows)
+    np.save(folder / "y.npy", labels)
+    tables = [pd.DataFrame(row.T, columns=[*"xyz"]) for row in rows]
+    for number, (table, label) in enumerate(zip(tables, labels, strict=True)):
+        table["surface"], table["series_id"] = label, number
+    pd.concat(tables).to_csv(folder / "all.csv", index=False)
+    with h5py.File(folder / "all.h5", "w") as file:
+        for row, label in zip(rows, labels, strict=True):
+            file[f"{label}/1/acc"] = row
+
+
 def lay_out(folder: Path, page: Path, world: Path, run: Path) -> None:
     """Put what a page names into its folder: recordings, weights, a ``RUN`` that it does not make.
 
@@ -117,5 +133,10 @@ def lay_out(folder: Path, page: Path, world: Path, run: Path) -> None:
             write_weights(folder / f"{trunk}.npz", trunk)
     if "data.root=TUM" in text:
         write_tum(folder / "TUM", classes=3, seconds=4, side=480)
+    if page.name == "data.md":
+        write_joined(folder)
+        for label in "AB":
+            (folder / "STROKES" / label).mkdir(parents=True)
+            _write(folder / "STROKES" / label / "ann_1", "haptic", 0, 0)
     if page.name == "deploy.md":
         write_web_runtime(folder / f"{NAME}-{VERSION}.tgz")

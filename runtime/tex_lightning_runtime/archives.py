@@ -1,20 +1,28 @@
-"""Signals in archives of named arrays: ``numpy.savez`` and MATLAB's before 7.3.
+"""Signals in archives of named arrays: ``numpy.savez``, MATLAB's, and HDF5.
 
 One array is the signal, several of one length are columns of a table, and a single number may be
-the rate. Nothing in them is run: archives with pickled objects are refused.
+the rate. What lies in structs and groups is as if it did not. Nothing in them is run: archives with
+pickled objects are refused.
 """
 
 import math
 import zipfile
+import zlib
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
+from tex_lightning_runtime.hdf5 import NUMBERS, is_hdf5, read_hdf5
 from tex_lightning_runtime.samples import Array, axes_first
 
-RATES = ("fs", "rate", "sampling_rate", "samplerate", "sample_rate", "sr", "frequency", "hz")
-ARCHIVES = (".npz", ".mat")
-NESTED = ("struct", "cell", "object", "opaque", "function")  # of SciPy's names of classes
+RATES = ("fs", "rate", "samplingrate", "samplerate", "sr", "hz", "frequency", "samplingfrequency")
+HDF5 = (".h5", ".hdf5")
+ARCHIVES = (".npz", ".mat", *HDF5)
+NO_NUMBERS = ("cell", "char", "logical", "object", "opaque", "function")  # of SciPy's classes
+MATRIX = 16  # numbers of one for calibration, beside a signal
+MANY = 3  # names in a message
+COMPRESSED = 15  # a type of element of MATLAB's files
 
 
 def read_archive(path: Path, most: int) -> tuple[dict[str, Array], float | None]:
@@ -23,27 +31,54 @@ def read_archive(path: Path, most: int) -> tuple[dict[str, Array], float | None]
     Raises:
         ValueError: As there, or if the archive is damaged or claims more than ``most`` numbers.
     """
-    return signals_of(_npz(path, most) if path.suffix.lower() == ".npz" else _mat(path, most))
+    suffix = path.suffix.lower()
+    if suffix == ".npz":
+        return signals_of(_npz(path, most))
+    in_hdf5 = suffix in HDF5 or is_hdf5(path)
+    return signals_of(read_hdf5(path, most) if in_hdf5 else _mat(path, most))
 
 
 def signals_of(arrays: dict[str, Array]) -> tuple[dict[str, Array], float | None]:
     """Return the signals among named arrays, and their rate in Hz if it is there.
 
-    Several are (axes, samples) of one length.
+    Several are (axes, samples) of one length. Names are paths, as ``trial/acc``, and their last
+    part is the name of a signal.
 
     Raises:
-        ValueError: If there is none, or several of other lengths.
+        ValueError: If there is none, or several of other lengths or of the same name.
     """
-    arrays = {name: _seconds(each) for name, each in arrays.items() if each.dtype.kind in "fiuM"}
-    rates = [float(each.item()) for name, each in arrays.items()
-             if each.size == 1 and name.casefold() in RATES]  # fmt: skip
-    known = len(rates) == 1 and math.isfinite(rates[0]) and rates[0] > 0
+    kept = {name: each for name, each in arrays.items() if each.dtype.kind in f"{NUMBERS}M"}
+    arrays = {name: _seconds(each) for name, each in kept.items()}
+    rates = {float(each.item()) for name, each in arrays.items()
+             if each.size == 1 and _is_rate(_leaf(name).casefold())}  # fmt: skip
+    rate = rates.pop() if len(rates) == 1 else math.nan
+    known = math.isfinite(rate) and rate > 0
     signals = {name: np.squeeze(each) for name, each in arrays.items() if each.size > 1}
+    longer = {name: each for name, each in signals.items() if each.ndim < 2 or each.size > MATRIX}
+    signals = longer or signals
     if not signals:
-        raise ValueError("it has no array of numbers; keep the signal, and its rate as fs")
+        raise ValueError(
+            "it has no array of numbers outside of cells and arrays of structs; keep the signal, "
+            "and its rate as fs"
+        )
+    if len({*map(_leaf, signals)}) < len(signals):
+        raise ValueError(
+            f"it holds several recordings ({', '.join(sorted(signals)[:MANY])}); write each to a "
+            "file of its own"
+        )
+    signals = {_leaf(name): each for name, each in signals.items()}
     if len(signals) > 1:
         signals = _of_one_length(signals)
-    return signals, rates[0] if known else None
+    return signals, rate if known else None
+
+
+def _leaf(name: str) -> str:
+    return name.rpartition("/")[2]
+
+
+def _is_rate(name: str) -> bool:
+    word = name.replace("_", "").replace(" ", "")
+    return word in RATES or word.removesuffix("hz") in RATES
 
 
 def _seconds(array: Array) -> Array:
@@ -84,17 +119,43 @@ def _mat(path: Path, most: int) -> dict[str, Array]:
     except ImportError as error:
         raise ValueError("reading .mat takes SciPy: pip install scipy, or save .npy") from error
     try:
+        held = _inflated(path, 8 * most)
         listed = whosmat(path)
-        # what has others inside does not say how many, and is no signal
-        plain = [name for name, _, kind in listed if kind not in NESTED]
-        claimed = sum(math.prod(shape) for name, shape, _ in listed if name in plain)
-        found = loadmat(path, variable_names=plain) if plain and claimed <= most else {}
-    except NotImplementedError as error:
-        raise ValueError("it is of MATLAB 7.3 (HDF5); save it with the option -v7") from error
+        kept = [name for name, _, kind in listed if kind not in NO_NUMBERS]
+        found = loadmat(path, variable_names=kept) if kept and held <= 8 * most else {}
     except Exception as error:  # of any kind
         raise ValueError("it is no whole .mat file") from error
-    if claimed > most:
-        raise ValueError(f"it claims {claimed:,} numbers")
-    if listed and not plain:
-        raise ValueError("it has only structs or cells; save the signal as a variable of its own")
-    return {name: each for name, each in found.items() if isinstance(each, np.ndarray)}
+    if held > 8 * most:
+        raise ValueError(f"it claims more than {8 * most:,} bytes")
+    return {name: each for key in kept for name, each in _flat(key, found[key])}
+
+
+def _inflated(path: Path, most: int) -> int:
+    """Count the bytes of a .mat file when it is not compressed, up to about ``most``."""
+    data = path.read_bytes()
+    if data[126:128] not in (b"IM", b"MI"):  # an older one, which compresses nothing
+        return len(data)
+    order = "<" if data[126:128] == b"IM" else ">"
+    total, place = 0, 128  # behind the header
+    while place + 8 <= len(data) and total <= most:
+        kind, size = (int(each) for each in np.frombuffer(data, f"{order}u4", 2, place))
+        if kind == COMPRESSED:
+            inflate = zlib.decompressobj()
+            content = data[place + 8 : place + 8 + size]
+            while content and total <= most:
+                total += len(inflate.decompress(content, most))
+                content = inflate.unconsumed_tail
+        else:
+            total += size
+        place += 8 + size
+    return total
+
+
+def _flat(name: str, value: Array) -> Iterator[tuple[str, Array]]:
+    """Yield the arrays in a variable of MATLAB by their path; a struct has fields."""
+    fields = value.dtype.names
+    if fields is None:
+        yield name, value
+    elif value.size == 1:  # several are as many recordings
+        for field in fields:
+            yield from _flat(f"{name}/{field}", np.asarray(value[field].item()))

@@ -33,4 +33,5 @@ def test_the_extra_of_a_plug_in_is_named(option):
 
 
 def test_a_slip_is_no_plug_in():
-    assert absent("hydra/launcher/joblb") == "hydra/launcher=joblb does not exist; choose one of basic."
+    said = "hydra/launcher=joblb does not exist; choose one of basic."
+    assert absent("hydra/launcher/joblb") == said
