@@ -129,7 +129,9 @@ def test_bad_traces_are_refused_with_a_reason(tmp_path):
     refuse("cube.npy", npy(np.zeros((2, 3, 4))), "1 to 64 channels")
     refuse("none.npy", npy(np.zeros((3, 0))), "1 to 64 channels")
     refuse(
-        "trace.mp3", b"x", "unknown type; use .wav, .flac, .npy, .npz, .mat, .txt, .csv, .tsv, .lvm"
+        "trace.mp3",
+        b"x",
+        "unknown type; use .wav, .flac, .npy, .npz, .mat, .h5, .hdf5, .txt, .csv",
     )
     with pytest.raises(UserError, match="does not exist"):
         SIGNAL.decode(tmp_path / "nowhere.wav")
