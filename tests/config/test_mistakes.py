@@ -1,13 +1,14 @@
-"""What Hydra raises where a plug-in of it is not installed, as everything is in these tests."""
+"""Errors of plug-ins of Hydra, which are all installed in these tests, and what they say."""
 
 import re
+import warnings
 from importlib.metadata import requires
 
 import pytest
 from hydra.core.plugins import Plugins
 from hydra.errors import MissingConfigException
 
-from tex_lightning.config.mistakes import EXTRAS, explain
+from tex_lightning.config.mistakes import EXTRAS, explain, to_user_error
 
 
 def absent(option: str) -> str:
@@ -35,3 +36,13 @@ def test_the_extra_of_a_plug_in_is_named(option):
 def test_a_slip_is_no_plug_in():
     said = "hydra/launcher=joblb does not exist; choose one of basic."
     assert absent("hydra/launcher/joblb") == said
+
+
+def test_a_search_of_which_every_trial_failed_says_so():
+    with warnings.catch_warnings(action="ignore"):
+        import optuna
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    with pytest.raises(ValueError, match="No trials") as caught:
+        _ = optuna.create_study().best_trial
+    said = "No trial of this search succeeded; correct what the errors above say."
+    assert str(to_user_error(caught.value, began=True)) == said

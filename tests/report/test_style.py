@@ -1,8 +1,9 @@
 """Systems of a chart look different, and the caller's own settings of Matplotlib stay."""
 
 import matplotlib
+from matplotlib.font_manager import get_font_names
 
-from tex_lightning.report.style import STYLE, briefs, looks, styled
+from tex_lightning.report.style import OTHER_FONTS, STYLE, briefs, looks, styled
 
 
 def test_a_chart_draws_no_two_systems_alike():
@@ -21,3 +22,9 @@ def test_long_names_that_differ_in_the_middle_differ_when_they_are_brief():
     found = briefs(["oak", *names], 26)
     assert found[:2] == ["oak", "material numb…00 with a lon"]
     assert len({*found}) == 61
+
+
+def test_names_in_other_scripts_have_fonts_that_are_here_and_all_else_the_usual_one():
+    usual, *others = STYLE["font.family"]
+    assert usual == "DejaVu Sans"
+    assert {*others} == {*OTHER_FONTS} & {*get_font_names()}

@@ -44,6 +44,7 @@ WORDS = {  # of Hydra and OmegaConf, and ours
     "^Config group override must be a string or a list.*": "an option takes no null, leave it out "
     "by ~GROUP, as in ~logger",
 }
+NO_TRIAL = "No trials are completed yet."  # of Optuna, where all of them failed
 MANY = 4  # keys that a wrong one may stand for
 NOISE = ("full_key:", "object_type=", "reference_type=", "See https:", "Set the environment", "To ")
 
@@ -65,6 +66,8 @@ def to_user_error(error: Exception, *, began: bool) -> UserError | None:
         return explain(error)
     if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
         return UserError(f"The path {shorten(error.filename)} is too long; give a shorter one.")
+    if str(error) == NO_TRIAL:
+        return UserError("No trial of this search succeeded; correct what the errors above say.")
     if began:
         if isinstance(error, OSError) and error.errno in UNWRITABLE:
             return unwritable(shorten(error.filename or "a file of this run"), error)

@@ -11,6 +11,7 @@ from itertools import zip_longest
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 from matplotlib import rc_context
+from matplotlib.font_manager import get_font_names
 
 from tex_lightning.text import printable
 
@@ -19,8 +20,15 @@ COLOURS = (
 )  # fmt: skip
 MARKERS = "osD^vPX<"
 GUIDE = "#999999"  # of lines that belong to no system
+# Of systems that have them, for what the first has no signs of: Chinese, Japanese, Korean.
+OTHER_FONTS = (
+    "Noto Sans CJK SC", "Source Han Sans SC", "WenQuanYi Zen Hei", "WenQuanYi Micro Hei",
+    "Microsoft YaHei", "SimHei", "PingFang SC", "Hiragino Sans GB", "Hiragino Sans", "Yu Gothic",
+    "Malgun Gothic", "Apple SD Gothic Neo", "Droid Sans Fallback", "Arial Unicode MS",
+)  # fmt: skip
 STYLE: Any = {
-    "font.family": "DejaVu Sans",  # comes with Matplotlib, so that every machine draws alike
+    # the first comes with Matplotlib, so that every machine draws alike
+    "font.family": ["DejaVu Sans", *(x for x in OTHER_FONTS if x in set(get_font_names()))],
     "font.size": 8,
     "text.parse_math": False,  # a dollar sign in a name is one
     "figure.dpi": 120,
