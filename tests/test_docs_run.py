@@ -30,6 +30,7 @@ from tex_lightning_runtime.__main__ import main as runtime_main
 
 NOT_RUN = {
     "task=record": "needs a sensor; tests/recording runs",
+    "adapt": "needs a network that was fitted at once; tests/tasks/test_adapt.py runs it",
     "srun": "needs a SLURM cluster; tests/learning trains in two processes",
 }
 ELSEWHERE = ("extend.md", "data_sets.md")  # tests/plugin and tests/data/readers run them

@@ -49,12 +49,15 @@ MAX_KINDS = 6
 MAX_WHOLE = 3  # tables, in which all recordings may be, since so few are no data set
 TO_SOUND = " Convert other sound to .flac or .wav, such as with ffmpeg."
 TO_TABLE = " Save sheets of recordings as CSV."
+TO_ARRAYS = " Write the samples of each recording to .csv or .npz, in Python."
 TO_TEXT = " Rename what is a table of numbers in text to .csv."
 TO_PHOTO = " Convert the photos to .jpg or .png."
 CURES = {
     **dict.fromkeys((".mp3", ".m4a", ".aac", ".ogg", ".opus", ".wma", ".mp4"), TO_SOUND),
     **dict.fromkeys((".aif", ".aiff", ".caf", ".au", ".amr", ".3gp", ".webm"), TO_SOUND),
-    **dict.fromkeys((".xlsx", ".xls", ".ods"), TO_TABLE),
+    **dict.fromkeys((".xlsx", ".xls", ".ods", ".numbers"), TO_TABLE),
+    **dict.fromkeys((".bag", ".db3", ".mcap", ".json", ".jsonl", ".xml"), TO_ARRAYS),
+    **dict.fromkeys((".parquet", ".feather", ".pkl", ".pickle", ".tdms", ".c3d"), TO_ARRAYS),
     **dict.fromkeys((".dat", ".log", ".asc", ".prn"), TO_TEXT),
     **dict.fromkeys((".heic", ".heif", ".avif", ".gif", ".jp2", ".jxl"), TO_PHOTO),
     **dict.fromkeys((".raw", ".dng", ".cr2", ".cr3", ".nef", ".arw"), TO_PHOTO),
