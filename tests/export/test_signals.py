@@ -5,7 +5,7 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.signal import detrend
+from scipy.signal import detrend, resample_poly
 from torch.export import Dim
 
 from tex_lightning.errors import UserError
@@ -46,6 +46,11 @@ def test_spectrogram(axes, options):
     features.fit([features.magnitudes(trace / 30), features.magnitudes(trace.sign() * 0.1)])
     found, found_start = SpectrogramGraph(features)(trace)
     torch.testing.assert_close(found, features(trace), rtol=0, atol=1e-3)
+    half = resample_poly(resample_poly(trace.numpy(), 1, 2, axis=1), 2, 1, axis=1)
+    half = torch.from_numpy(half[:, : trace.shape[1]])  # of half the rate
+    torch.testing.assert_close(
+        SpectrogramGraph(features)(half)[0], features(half), rtol=0, atol=1e-3
+    )
     start = movement_start(trace, RATE) if features.skip_impact else 0
     assert int(found_start) == start
 

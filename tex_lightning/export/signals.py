@@ -203,7 +203,7 @@ class SpectrogramGraph(nn.Module):
             trace = before_last_rest(trace, features.sampling_rate, features.window_length)
         trace = trace - trace.mean(dim=-1, keepdim=True)
         magnitudes = self.power(trace).sqrt()
-        return features.normalise(magnitudes * features.known_gain(magnitudes))[None, None], start
+        return features.normalise(features.known_gain(magnitudes))[None, None], start
 
 
 class ProportionsGraph(nn.Module):

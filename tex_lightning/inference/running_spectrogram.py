@@ -11,6 +11,7 @@ from tex_lightning.inference.live_rests import MarkedSignal
 from tex_lightning.inference.running_vote import RunningVote
 from tex_lightning.networks.geometry import padded_positions, reach
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
+from tex_lightning.senses.gain import corrected_by
 
 PAUSE = 20  # times the seconds in which a gain is told: after a rest as long it is taken as it is
 
@@ -22,8 +23,8 @@ class RunningSpectrogramVote(RunningVote):
         samples: (axes, samples) that no frame was computed of yet.
         frames: Magnitudes (bands, frames) that positions still to come depend on.
         first: Number of the first of these frames.
-        gains: Factors of magnitudes by the number of the frame from which on they hold, once these
-            are final.
+        gains: Corrections of magnitudes by the number of the frame from which on they hold, once
+            these are final.
         heard: Magnitudes (bands,) that the first of them was told from.
         cut: Number of samples up to the end of the last movement.
     """
@@ -83,7 +84,7 @@ class RunningSpectrogramVote(RunningVote):
         return self.last
 
     def _gains(self, moved: Tensor, length: int) -> tuple[list[tuple[int, Tensor]], bool]:
-        """Return the factors of frames, by the first that has each, and whether they are final.
+        """Return corrections by the first frame that has each, and whether they are final.
 
         Args:
             moved: Magnitudes (bands, frames) up to the end of the movement.
@@ -94,12 +95,13 @@ class RunningSpectrogramVote(RunningVote):
             return gains, True
         if not gains:
             self.heard = known.heard(moved)
-            gains = [(0, known.gain(self.heard))]
+            gains = [(0, known.correction(self.heard))]
         loud = known.after_rest(moved, self.heard)
         loud[: max(0, known.frames - self.first)] = False
         if loud.any():
             turn = loud.int().argmax()
-            gains = [*gains, (self.first + int(turn), known.gain(known.heard_from(moved, turn)))]
+            heard = known.heard_from(moved, turn)
+            gains = [*gains, (self.first + int(turn), known.correction(heard))]
         rested = length > end + PAUSE * known.frames
         if rested or end >= gains[-1][0] + known.frames:
             self.gains = gains
@@ -107,7 +109,8 @@ class RunningSpectrogramVote(RunningVote):
 
     def _embedded(self, magnitudes: Tensor, gains: Sequence[tuple[int, Tensor]]) -> Tensor:
         """Return the embedding (D, positions) of magnitudes (bands, frames)."""
-        factors = magnitudes.new_ones(magnitudes.shape[1])
-        for begin, gain in gains:
-            factors[max(0, begin - self.first) :] = gain
-        return self._embedding(self.features.normalise(magnitudes * factors)[None, None])
+        corrected = magnitudes.clone()
+        for begin, correction in gains:
+            place = max(0, begin - self.first)
+            corrected[:, place:] = corrected_by(correction, magnitudes[:, place:])
+        return self._embedding(self.features.normalise(corrected)[None, None])

@@ -1,10 +1,11 @@
-"""Another gain of a sensor: told from the spectrum, and taken back.
+"""Another gain or a narrower band of a sensor: told from the spectrum, and taken back.
 
 The level of a signal tells materials apart as long as the sensor is the same. A recording whose
 spectrum is that of a training recording, only louder or weaker throughout, was made with another
-amplifier or sensitivity, and is brought to that recording's gain. The gain is told from the first
-three seconds of movement, so that a stream keeps it; if these turn out to be a rest, from the first
-three seconds after it.
+amplifier or sensitivity, and is brought to that recording's gain. A recording at a lower rate, or
+of a sensor that hears less, has nothing in its highest bands; they get the usual magnitude. Both
+are told from the first three seconds of movement, so that a stream keeps them; if these turn out to
+be a rest, from the first three seconds after it.
 """
 
 from collections.abc import Sequence
@@ -24,17 +25,20 @@ SUSTAINED = 10  # frames; a rest ends where as many are loud, and not in a knock
 STEP = 3  # frames overlap, and every third tells as much
 FLOOR = 1e-3  # of the mean magnitude of a spectrum; below it the logarithm is flat
 FAINT = 1e-12  # magnitude of a signal without any gain
+EMPTY = 0.5  # nepers below all of the training
+USUAL = 0.75  # of the magnitude of louder frames is about the mean of logarithms
+EDGE = 4  # bands below the empty ones, which a filter weakens
 
 
 class KnownGain(FittedLater):
-    """Factors by which magnitudes are brought to the gain of the training.
+    """Brings magnitudes to the gain of the training, and fills bands that have nothing.
 
     Args:
-        frames: Number of frames in which a gain is told.
+        frames: Number of frames in which both are told.
         bands: Number of bands of the magnitudes.
 
     Attributes:
-        spectra: Logarithms (recordings, bands) of training recordings; empty leaves every gain.
+        spectra: Logarithms (recordings, bands) of training recordings; empty changes nothing.
     """
 
     spectra: Tensor
@@ -49,17 +53,18 @@ class KnownGain(FittedLater):
         self.take({"spectra": torch.stack([_spectrum(self.heard(x)) for x in some])})
 
     def forward(self, magnitudes: Tensor) -> Tensor:
-        """Return the factor of each frame (frames,) of a whole recording (bands, frames)."""
-        numbers = torch.arange(magnitudes.shape[1], device=magnitudes.device)
+        """Return the magnitudes (bands, frames) of a whole recording as the training's are."""
         if not self.in_use:
-            return torch.ones_like(numbers, dtype=magnitudes.dtype)
+            return magnitudes
+        numbers = torch.arange(magnitudes.shape[1], device=magnitudes.device)
         heard = self.heard(magnitudes)
-        gain = self.gain(heard)
+        corrected = corrected_by(self.correction(heard), magnitudes)
         loud = self.after_rest(magnitudes, heard) & (numbers >= self.frames)
         if is_at_hand(magnitudes) and not loud.any():
-            return gain.expand(len(numbers))
+            return corrected
         later = loud.cumsum(dim=0) > 0
-        return torch.where(later, self.gain(self.heard_from(magnitudes, (~later).sum())), gain)
+        heard = self.heard_from(magnitudes, (~later).sum())
+        return torch.where(later, corrected_by(self.correction(heard), magnitudes), corrected)
 
     def heard(self, magnitudes: Tensor) -> Tensor:
         """Return of each band (bands,) what a gain is told from: the beginning's louder frames."""
@@ -77,17 +82,39 @@ class KnownGain(FittedLater):
         places = first + torch.arange(self.frames, device=magnitudes.device)
         return _louder(magnitudes[:, places.clamp(max=magnitudes.shape[1] - 1)])
 
-    def gain(self, heard: Tensor) -> Tensor:
-        """Return the factor () that brings what was heard (bands,) to the gain of the most similar.
+    def correction(self, heard: Tensor) -> Tensor:
+        """Return the factors and additions (2, bands) for magnitudes, of what was heard (bands,).
 
-        It is 1 unless the gain is most of what separates them from all of the training.
+        The factor brings them to the gain of the most similar training recording; it is 1 unless
+        the gain is most of what separates them from all of the training. Empty bands get what that
+        recording has there.
         """
-        apart = self.spectra - _spectrum(heard)
-        gains = apart.mean(dim=1)
-        shapes = (apart - gains[:, None]).square().sum(dim=1)
+        spectrum = _spectrum(heard)
+        empty = self._empty(spectrum)
+        kept = (~empty).to(spectrum)
+        apart = (self.spectra - spectrum) * kept
+        gains = (apart.sum(dim=1) / kept.sum())[:, None]
+        shapes = ((apart - gains) * kept).square().sum(dim=1)
         nearest = shapes.argmin(dim=0, keepdim=True)
         left = shapes[nearest] / apart.square().sum(dim=1).amin(dim=0).clamp_min(torch.finfo().tiny)
-        return torch.where(left < LEFT, gains[nearest].exp(), 1.0).squeeze(0)
+        gain = torch.where(left < LEFT, gains[nearest, 0].exp(), 1.0)
+        usual = USUAL * (self.spectra - gains)[nearest, :].squeeze(0).exp()
+        return gain * torch.stack((kept, usual * empty))
+
+    def _empty(self, spectrum: Tensor) -> Tensor:
+        """Return which of the highest bands (bands,) have far less than all of the training."""
+        lowest = len(spectrum) // 4  # bands, which every recording has
+        usual = (self.spectra - self.spectra[:, :lowest].mean(dim=1, keepdim=True)).amin(dim=0)
+        heard = spectrum - spectrum[:lowest].mean() > usual - EMPTY
+        above = heard.flip(0).cumsum(dim=0).flip(0)  # how many are heard from each band up
+        empty = torch.cat((above[EDGE:], above[-1:].expand(EDGE))) == 0
+        return empty & (torch.arange(len(empty), device=empty.device) >= lowest)
+
+
+def corrected_by(correction: Tensor, magnitudes: Tensor) -> Tensor:
+    """Return magnitudes (bands, frames) by the factors and additions (2, bands) of a correction."""
+    factors, additions = correction[:, :, None].unbind()
+    return magnitudes * factors + additions
 
 
 def _spectrum(heard: Tensor) -> Tensor:

@@ -123,7 +123,8 @@ class SpectrogramFeatures(nn.Module):
         window_seconds: Length of a frame; the paper's 500 samples at 10 kHz.
         hop_seconds: Time between the starts of frames; the paper's 100 samples.
         any_gain: Whether a recording that differs from one of the training mostly by its gain is
-            brought to that one's; None: at 500 Hz and more. ``paper`` leaves no gain.
+            brought to that one's, and empty highest bands, as of a lower rate, get what the most
+            similar one has there; None: at 500 Hz and more. Not with ``paper``.
 
     Raises:
         UserError: If a window at this rate has too few samples for 50 bands of scale ``linear``.
@@ -161,8 +162,8 @@ class SpectrogramFeatures(nn.Module):
         hop_seconds: Annotated[float, "[0.0001, 10] s", "time from frame to frame"] = 0.01,
         any_gain: Annotated[
             bool | None,
-            "bring another gain of the sensor to that of the most similar training recording; "
-            "null: at 500 Hz and more, below which levels tell much",
+            "bring another gain of the sensor to that of the most similar training recording, and "
+            "fill empty highest bands; null: at 500 Hz and more, below which levels tell much",
         ] = None,
     ) -> None:
         super().__init__()
@@ -318,4 +319,4 @@ class SpectrogramFeatures(nn.Module):
     def forward(self, trace: Tensor) -> Tensor:
         """Convert a trace (axes, samples) to network input (1, 1, bands, frames)."""
         magnitudes = self.magnitudes(trace)
-        return self.normalise(magnitudes * self.known_gain(magnitudes))[None, None]
+        return self.normalise(self.known_gain(magnitudes))[None, None]
