@@ -56,7 +56,7 @@ CURES = {
     **dict.fromkeys((".mp3", ".m4a", ".aac", ".ogg", ".opus", ".wma", ".mp4"), TO_SOUND),
     **dict.fromkeys((".aif", ".aiff", ".caf", ".au", ".amr", ".3gp", ".webm"), TO_SOUND),
     **dict.fromkeys((".xlsx", ".xls", ".ods", ".numbers"), TO_TABLE),
-    **dict.fromkeys((".bag", ".db3", ".mcap", ".json", ".jsonl", ".xml"), TO_ARRAYS),
+    **dict.fromkeys((".bag", ".db3", ".mcap"), TO_ARRAYS),
     **dict.fromkeys((".parquet", ".feather", ".pkl", ".pickle", ".tdms", ".c3d"), TO_ARRAYS),
     **dict.fromkeys((".dat", ".log", ".asc", ".prn"), TO_TEXT),
     **dict.fromkeys((".heic", ".heif", ".avif", ".gif", ".jp2", ".jxl"), TO_PHOTO),
