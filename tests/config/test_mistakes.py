@@ -1,5 +1,6 @@
 """Errors of plug-ins of Hydra, which are all installed in these tests, and what they say."""
 
+import errno
 import re
 import warnings
 from importlib.metadata import requires
@@ -46,3 +47,10 @@ def test_a_search_of_which_every_trial_failed_says_so():
         _ = optuna.create_study().best_trial
     said = "No trial of this search succeeded; correct what the errors above say."
     assert str(to_user_error(caught.value, began=True)) == said
+
+
+def test_what_cannot_be_printed_is_not_the_run_folder():
+    full = OSError(errno.ENOSPC, "No space left on device")
+    assert str(to_user_error(full, began=False)).startswith("The output cannot be written ([Errno")
+    full.filename = "outputs"
+    assert str(to_user_error(full, began=False)).startswith("The run folder cannot be made ([Errno")

@@ -72,6 +72,8 @@ def to_user_error(error: Exception, *, began: bool) -> UserError | None:
         if isinstance(error, OSError) and error.errno in UNWRITABLE:
             return unwritable(shorten(error.filename or "a file of this run"), error)
         return None
+    if isinstance(error, OSError) and error.filename is None:  # of what is printed
+        return UserError(f"The output cannot be written ({reason(error)}); send it elsewhere.")
     if isinstance(error, OSError):
         return UserError(
             f"The run folder cannot be made ({shorten(error)}); choose another hydra.run.dir."
