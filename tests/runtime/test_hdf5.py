@@ -94,7 +94,8 @@ def table_of_pandas(file):
         (lambda file: file.create_dataset("name", data="oak"), "no array of numbers"),
     ],
 )
-def test_what_is_no_signal_is_refused(tmp_path, fill, said):
+def test_what_is_no_signal_is_refused(tmp_path, monkeypatch, fill, said):
+    monkeypatch.setattr("tex_lightning_runtime.hdf5.MAX_PARTS", 9)
     with pytest.raises(UserError, match=said):
         read_samples(write(tmp_path / "a.h5", fill))
 
