@@ -9,6 +9,7 @@ import math
 import zipfile
 import zlib
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -123,11 +124,13 @@ def _mat(path: Path, most: int) -> dict[str, Array]:
         listed = whosmat(path)
         kept = [name for name, _, kind in listed if kind not in NO_NUMBERS]
         found = loadmat(path, variable_names=kept) if kept and held <= 8 * most else {}
+        parts = (_flat(name, found[name]) for name in kept if name in found)
+        arrays = dict(chain.from_iterable(parts))
     except Exception as error:  # of any kind
         raise ValueError("it is no whole .mat file") from error
     if held > 8 * most:
         raise ValueError(f"it claims more than {8 * most:,} bytes")
-    return {name: each for key in kept for name, each in _flat(key, found[key])}
+    return arrays
 
 
 def _inflated(path: Path, most: int) -> int:

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import Any
-from warnings import catch_warnings
 
 import numpy as np
 
@@ -74,7 +73,7 @@ def read_hdf5(path: Path, most: int) -> dict[str, Array]:
     if (size := path.stat().st_size) > 8 * most:
         raise Hdf5Error(f"it has {size:,} bytes; keep the signal alone")
     try:
-        with catch_warnings(action="ignore"), pyfive.File(_content(path)) as file:
+        with pyfive.File(_content(path)) as file:
             numbers = [each for name, part in _parts(file) for each in _numbers(name, part)]
             claimed = sum(math.prod(part.shape) for _, part, _ in numbers)
             if claimed > most:

@@ -106,6 +106,9 @@ def test_a_struct_is_read_as_if_its_fields_were_variables(tmp_path):
     signal = read_samples(file)
     np.testing.assert_array_equal(signal.samples, SAMPLES.T)
     assert signal.rate == pytest.approx(500)
+    for _ in range(20):
+        inner = {"data": inner}
+    np.testing.assert_array_equal(read_samples(save(file, deep=inner)).samples, SAMPLES.T)
     several = np.zeros(2, [("acc", object)])
     several["acc"] = [SAMPLES, SAMPLES]
     with pytest.raises(UserError, match="outside of cells and arrays of structs"):
