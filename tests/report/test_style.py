@@ -1,9 +1,11 @@
 """Systems of a chart look different, and the caller's own settings of Matplotlib stay."""
 
+import logging
+
 import matplotlib
 from matplotlib.font_manager import get_font_names
 
-from tex_lightning.report.style import OTHER_FONTS, STYLE, briefs, looks, styled
+from tex_lightning.report.style import FONTS, OTHER_FONTS, STYLE, briefs, looks, styled
 
 
 def test_a_chart_draws_no_two_systems_alike():
@@ -28,3 +30,12 @@ def test_names_in_other_scripts_have_fonts_that_are_here_and_all_else_the_usual_
     usual, *others = STYLE["font.family"]
     assert usual == "DejaVu Sans"
     assert {*others} == {*OTHER_FONTS} & {*get_font_names()}
+
+
+def test_fonts_are_not_warned_of_and_the_callers_warnings_stay(caplog):
+    warning = "no usual weight"
+    with caplog.at_level(logging.WARNING, FONTS.name):
+        styled(FONTS.warning)(warning)
+        assert not caplog.messages
+        FONTS.warning(warning)
+    assert caplog.messages == [warning]

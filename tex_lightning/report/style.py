@@ -4,6 +4,7 @@ The colours are those of Okabe and Ito (https://jfly.uni-koeln.de/color/), but f
 cannot be seen on white, and black, which no system has: two of Tol's replace them.
 """
 
+import logging
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
@@ -44,6 +45,7 @@ STYLE: Any = {
     "grid.alpha": 0.3,
     "grid.linewidth": 0.5,
 }
+FONTS = logging.getLogger("matplotlib.font_manager")
 MAX_NAME = 44  # characters of a name
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -61,8 +63,13 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 
     @wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> T:
-        with rc_context(STYLE):
-            return draw(*args, **kwargs)
+        level = FONTS.level
+        FONTS.setLevel(logging.ERROR)  # it warns of fonts without the usual weight
+        try:
+            with rc_context(STYLE):
+                return draw(*args, **kwargs)
+        finally:
+            FONTS.setLevel(level)
 
     return drawn
 
