@@ -120,16 +120,21 @@ def _mat(path: Path, most: int) -> dict[str, Array]:
     except ImportError as error:
         raise ValueError("reading .mat takes SciPy: pip install scipy, or save .npy") from error
     try:
-        held = _inflated(path, 8 * most)
-        listed = whosmat(path)
-        kept = [name for name, _, kind in listed if kind not in NO_NUMBERS]
-        found = loadmat(path, variable_names=kept) if kept and held <= 8 * most else {}
+        listed = [each for each in whosmat(path) if each[2] not in NO_NUMBERS]
+        claimed = sum(math.prod(shape) for _, shape, _ in listed)
+        # a struct does not say how much it holds, and a number takes a byte at least
+        nested = any(kind == "struct" for _, _, kind in listed)
+        held = _inflated(path, most) if nested else 0
+        kept = [name for name, _, _ in listed] if max(claimed, held) <= most else []
+        found = loadmat(path, variable_names=kept) if kept else {}
         parts = (_flat(name, found[name]) for name in kept if name in found)
         arrays = dict(chain.from_iterable(parts))
     except Exception as error:  # of any kind
         raise ValueError("it is no whole .mat file") from error
-    if held > 8 * most:
-        raise ValueError(f"it claims more than {8 * most:,} bytes")
+    if claimed > most:
+        raise ValueError(f"it claims {claimed:,} numbers")
+    if held > most:
+        raise ValueError(f"its structs claim more than {most:,} bytes")
     return arrays
 
 

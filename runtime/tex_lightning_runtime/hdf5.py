@@ -54,7 +54,7 @@ def _content(path: Path) -> BytesIO:
     if int.from_bytes(data[base + 16 : base + 24], "little") > len(data):
         raise Hdf5Error("it is cut off")
     data[base : base + 8] = bytes(8)
-    return BytesIO(data[start:])
+    return BytesIO(memoryview(data)[start:])
 
 
 def read_hdf5(path: Path, most: int) -> dict[str, Array]:

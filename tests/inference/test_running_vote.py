@@ -113,7 +113,7 @@ def test_the_gain_of_the_first_seconds_of_movement_is_that_of_the_whole(seconds)
             assert found.probability == pytest.approx(expected, abs=1e-4)
             assert found.fragments == len(vote.fragments)
     if seconds[-1] < 9:
-        *_, (_, (gain, _)) = stream.running_vote.gains
+        *_, (_, (gain, _)) = stream.running_vote.corrections
         strength = 3 if seconds == LONG_REST else 1
         assert gain.numpy() == pytest.approx(1 / 40 / strength, rel=0.2)
 

@@ -19,10 +19,10 @@ def sounds(count, rate=2000):
 
 def gains(features, trace):
     """The factor of each frame (frames,)."""
-    magnitudes = features.magnitudes(trace)
+    magnitudes = features.magnitudes(trace).double()
     factors = features.known_gain(magnitudes) / magnitudes
     torch.testing.assert_close(factors, factors[:1].expand_as(factors), rtol=1e-4, atol=0)
-    return factors[0].round(decimals=5)
+    return factors[0].round(decimals=5).float()
 
 
 @pytest.mark.parametrize("gain", [1e-4, 0.1, 0.5, 1.0, 30.0])
@@ -59,7 +59,7 @@ def test_a_rest_before_does_not_hide_the_gain(seconds):
     found = gains(features, torch.cat((rest, 8 * traces[1]), dim=1))
     moving = int(seconds * 100)
     assert found[moving:].numpy() == pytest.approx(1 / 8, rel=0.1)
-    assert found[: moving - 15].numpy() == pytest.approx(float(found[0]))
+    assert found[: moving - 15].unique().numel() == 1
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ class RunningSpectrogramVote(RunningVote):
         samples: (axes, samples) that no frame was computed of yet.
         frames: Magnitudes (bands, frames) that positions still to come depend on.
         first: Number of the first of these frames.
-        gains: Corrections of magnitudes by the number of the frame from which on they hold, once
+        corrections: Those of magnitudes by the number of the frame from which on they hold, once
             these are final.
         heard: Magnitudes (bands,) that the first of them was told from.
         cut: Number of samples up to the end of the last movement.
@@ -39,7 +39,7 @@ class RunningSpectrogramVote(RunningVote):
         self.samples: Tensor | None = None
         self.frames: Tensor | None = None
         self.first = self.length = self.cut = 0
-        self.gains: list[tuple[int, Tensor]] = []
+        self.corrections: list[tuple[int, Tensor]] = []
         self.heard = torch.zeros(0)
         self.last: Vote | None = None
 
@@ -67,15 +67,17 @@ class RunningSpectrogramVote(RunningVote):
         end, stride, added = self.features.frames(self.cut), self.sense.stride, self.count
         skip = added - self.first // stride
         embedding: Tensor | None = None
-        gains, final = self._gains(every[:, : end - self.first], self.first + settled.shape[1])
+        corrections, final = self._corrections(
+            every[:, : end - self.first], self.first + settled.shape[1]
+        )
         if not added or reach(self.windows, added) <= end:  # else the tool rests since then
-            embedding = self._embedded(every[:, : end - self.first], gains)[:, skip:]
+            embedding = self._embedded(every[:, : end - self.first], corrections)[:, skip:]
             self.last = self._vote(embedding)
         last = self.first + settled.shape[-1]
         count = (last - reach(self.windows, 1)) // stride + 1
         if final and count > added:
             if embedding is None or reach(self.windows, count) > end:
-                embedding = self._embedded(settled, gains)[:, skip:]
+                embedding = self._embedded(settled, corrections)[:, skip:]
             self._add(embedding[:, : count - added])
             first = max(0, count - padded_positions(self.windows)) * stride
             settled, self.first = settled[..., first - self.first :].clone(), first
@@ -83,34 +85,35 @@ class RunningSpectrogramVote(RunningVote):
         assert self.last is not None
         return self.last
 
-    def _gains(self, moved: Tensor, length: int) -> tuple[list[tuple[int, Tensor]], bool]:
+    def _corrections(self, moved: Tensor, length: int) -> tuple[list[tuple[int, Tensor]], bool]:
         """Return corrections by the first frame that has each, and whether they are final.
 
         Args:
             moved: Magnitudes (bands, frames) up to the end of the movement.
             length: Number of all final frames; after a long rest they are taken as they are.
         """
-        known, gains, end = self.features.known_gain, self.gains, self.first + moved.shape[1]
-        if len(gains) == 2 or not known.in_use:
-            return gains, True
-        if not gains:
+        known, corrections = self.features.known_gain, self.corrections
+        end = self.first + moved.shape[1]
+        if len(corrections) == 2 or not known.in_use:
+            return corrections, True
+        if not corrections:
             self.heard = known.heard(moved)
-            gains = [(0, known.correction(self.heard))]
+            corrections = [(0, known.correction(self.heard))]
         loud = known.after_rest(moved, self.heard)
         loud[: max(0, known.frames - self.first)] = False
         if loud.any():
             turn = loud.int().argmax()
             heard = known.heard_from(moved, turn)
-            gains = [*gains, (self.first + int(turn), known.correction(heard))]
+            corrections = [*corrections, (self.first + int(turn), known.correction(heard))]
         rested = length > end + PAUSE * known.frames
-        if rested or end >= gains[-1][0] + known.frames:
-            self.gains = gains
-        return gains, len(gains) == len(self.gains)
+        if rested or end >= corrections[-1][0] + known.frames:
+            self.corrections = corrections
+        return corrections, len(corrections) == len(self.corrections)
 
-    def _embedded(self, magnitudes: Tensor, gains: Sequence[tuple[int, Tensor]]) -> Tensor:
+    def _embedded(self, magnitudes: Tensor, corrections: Sequence[tuple[int, Tensor]]) -> Tensor:
         """Return the embedding (D, positions) of magnitudes (bands, frames)."""
         corrected = magnitudes.clone()
-        for begin, correction in gains:
+        for begin, correction in corrections:
             place = max(0, begin - self.first)
             corrected[:, place:] = corrected_by(correction, magnitudes[:, place:])
         return self._embedding(self.features.normalise(corrected)[None, None])

@@ -29,7 +29,10 @@ OTHER_FONTS = (
 )  # fmt: skip
 STYLE: Any = {
     # the first comes with Matplotlib, so that every machine draws alike
-    "font.family": ["DejaVu Sans", *(x for x in OTHER_FONTS if x in set(get_font_names()))],
+    "font.family": [
+        "DejaVu Sans",
+        *sorted({*OTHER_FONTS} & {*get_font_names()}, key=OTHER_FONTS.index),
+    ],
     "font.size": 8,
     "text.parse_math": False,  # a dollar sign in a name is one
     "figure.dpi": 120,
