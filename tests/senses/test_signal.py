@@ -17,7 +17,7 @@ from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 from tex_lightning.senses.signal import SignalSense
 
 RATE = 1000.0
-FIT = {"perturb": [], "perturbed_copies": 0}
+FIT = {"perturb": [], "perturbed_copies": 0, "other_sensors": 0.0}
 
 
 class Energy(nn.Module):

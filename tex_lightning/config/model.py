@@ -58,6 +58,12 @@ class SignalFitConfig(FitConfig):
         "[1, 20000]",
         "frames of a sub-sample; longer signals are cut at random, shorter repeated",
     ]
+    other_sensors: Annotated[
+        float,
+        "[0, 1]",
+        "share of sub-samples with added noise, and share with another frequency response; only of "
+        "spectrograms with normalisation=standard",
+    ] = 0.0
     perturb: Annotated[list[str], PERTURB]
     perturbed_copies: Annotated[int, "[1, 100]", "perturbed versions of every signal"]
 

@@ -1,7 +1,7 @@
 """Banks: the training recordings of one sense, from which training batches are cut."""
 
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import cv2
@@ -32,6 +32,8 @@ class InputBank:
         inputs: Inputs of all recordings in their first version, then in their second, and so on.
         frames: Length of the sub-samples. Shorter inputs are repeated up to it.
         versions: Number of versions of every recording; one is drawn for each cut.
+        draw: Draws of a generator, for so many sub-samples, how the sense is to change them
+            (count, ...); None changes nothing.
 
     Attributes:
         as_given: Whether no input had to be repeated.
@@ -41,8 +43,14 @@ class InputBank:
             network whose closed-form fit takes ``disturbed``.
     """
 
-    def __init__(self, inputs: Iterable[Tensor], frames: int, versions: int = 1) -> None:
-        self.versions, self.frames = versions, frames
+    def __init__(
+        self,
+        inputs: Iterable[Tensor],
+        frames: int,
+        versions: int = 1,
+        draw: Callable[[int, np.random.Generator], Tensor] | None = None,
+    ) -> None:
+        self.versions, self.frames, self.draw = versions, frames, draw
         lengths: list[int] = []
         self.as_given, self.pieces = True, list[tuple[int, Tensor]]()
         self.disturbed = list[tuple[Tensor, Tensor]]()
@@ -72,6 +80,7 @@ class InputBank:
     ) -> dict[str, Tensor]:
         """Cut ``input``, a sub-sample (batch, ..., frames) of each indexed recording.
 
+        ``drawn`` (batch, ...) says how they are to be changed, if they are.
         Random numbers are drawn for all of them, but only the ``share`` of this process is cut. If
         a device holds the inputs, ``start`` (batch,) is returned instead, for :meth:`cut_there`.
         """
@@ -80,8 +89,10 @@ class InputBank:
             indices = indices + version * (len(self.lengths) // self.versions)
         offsets = rng.integers(0, self.lengths[indices] - self.frames + 1)
         start = torch.from_numpy((self.starts[indices] + offsets)[share])
-        held = self.held is not None
-        return {"start": start} if held else {"input": self._at(self.flat, start)}
+        drawn = {"drawn": self.draw(len(indices), rng)[share]} if self.draw is not None else {}
+        if self.held is not None:
+            return {"start": start, **drawn}
+        return {"input": self._at(self.flat, start), **drawn}
 
     def hold(self, device: torch.device) -> None:
         """Copy the inputs to a device, if it has :func:`room` for them."""

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, ClassVar, Self, cast, overload
@@ -28,6 +29,7 @@ from tex_lightning.perturbations.traces import disturbed
 from tex_lightning.senses.base import Change, Sense, as_tensor
 from tex_lightning.senses.features.proportions import BandProportions
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
+from tex_lightning.senses.other_sensors import OtherSensors, draw
 from tex_lightning_runtime.files import expanded
 from tex_lightning_runtime.quality import (
     Quality,
@@ -140,7 +142,11 @@ class SignalSense(Sense):
         if learn and hasattr(features, "fit"):
             features.fit(raw[: len(rows)])
         versions = len(raw) // len(rows)
-        bank = InputBank(map(self._normalised, raw), size, versions)
+        share, changes, spectrogram = fit["other_sensors"], None, self.spectrogram
+        if share and spectrogram is not None and spectrogram.standardises:
+            self.other_sensors = OtherSensors(spectrogram, size)
+            changes = partial(draw, share, size)
+        bank = InputBank(map(self._normalised, raw), size, versions, changes)
         taken = _taken(self.network)
         if "pieces" in taken and getattr(self.network, "cuts", True):
             bank.pieces = [*self._pieces(rows, store, seed)]
@@ -225,8 +231,12 @@ class SignalSense(Sense):
     def training_input(
         self, pieces: Mapping[str, Tensor], size: int, change: Change | None = None
     ) -> Tensor:
-        """Return the sub-samples, which are inputs already; see the base class."""
-        return pieces["input"]
+        """Return the sub-samples, some as of other sensors; see the base class."""
+        inputs, features = pieces["input"], self.spectrogram
+        if "drawn" not in pieces or features is None:
+            return inputs
+        magnitudes = features.magnitudes_of(inputs[:, 0])
+        return features.normalise(self.other_sensors(magnitudes, pieces["drawn"]))[:, None]
 
     def decode_input(
         self,

@@ -293,8 +293,14 @@ class SpectrogramFeatures(nn.Module):
         std = self._mean(count - 1, away).sqrt()
         self.channel_mean.copy_(mean)
         self.channel_std.copy_(torch.where(std > 1e-6, std, torch.ones_like(std)))
-        if self.any_gain and type(self).normalise is SpectrogramFeatures.normalise:
+        if self.any_gain and self.standardises:
             self.known_gain.fit(magnitudes)
+
+    @property
+    def standardises(self) -> bool:
+        """Whether inputs are standardised logarithms of magnitudes."""
+        own = type(self).normalise is not SpectrogramFeatures.normalise
+        return self.normalisation == "standard" and not own
 
     def _logs(self, magnitudes: Tensor) -> Tensor:
         """Return logarithms, on the CPU since not every device computes in float64."""
@@ -315,6 +321,11 @@ class SpectrogramFeatures(nn.Module):
         low = magnitudes.amin(dim=1, keepdim=True)
         span = magnitudes.amax(dim=1, keepdim=True) - low
         return (magnitudes - low) / torch.where(span > 0, span, torch.ones_like(span))
+
+    def magnitudes_of(self, inputs: Tensor) -> Tensor:
+        """Return the magnitudes (..., bands, frames) that ``standard`` made network inputs of."""
+        logs = inputs * self.channel_std + self.channel_mean
+        return (logs.exp_() - FLOOR).clamp_min_(0).mul_(self.level)
 
     def forward(self, trace: Tensor) -> Tensor:
         """Convert a trace (axes, samples) to network input (1, 1, bands, frames)."""
