@@ -57,7 +57,7 @@ FIGURES = 20  # that Lightning waits for in an epoch, to log them and to choose 
 FOLDED = ("devices.with_float64",)  # on the CPU, if the device has no float64
 VOTED = Counter({("from", "vote.max_vote"): 1, ("wait", "vote.Vote.with_novelty"): 1})
 WEIGHTED = Counter({("wait", "statistics.FeatureStatistics.has_reach"): 2})
-PIECES = {"haptic": 2, "visual": 3, "fusion": 4}  # tensors of a batch, with the label
+PIECES = {"haptic": 3, "visual": 3, "fusion": 5}  # tensors of a batch, with the label
 
 
 class Trained(NamedTuple):

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 LOUDEST, FAINTEST = 10.0, 50.0  # dB that noise is below the mean magnitude of a sub-sample
-SPREAD = 0.2  # nepers, deviation of the slowest curve of a response; faster ones have less
+SPREAD = 0.1  # nepers, deviation of the slowest curve of a response; faster ones have less
 CURVES = 4  # half periods of the fastest curve
 LONGER = 4  # times as long as a sub-sample is the noise that is cut
 
