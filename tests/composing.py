@@ -7,6 +7,7 @@ folders take part in is composed anew.
 """
 
 import copy
+import pickle
 from collections.abc import Sequence
 from typing import Any
 
@@ -28,17 +29,18 @@ OWN = {"hydra.conf", str(CONF), ""}  # paths of Hydra, the package and its schem
 def compose_once(patch: pytest.MonkeyPatch) -> None:
     """Keep what Hydra composes of the package's files."""
     lists: dict[object, DefaultsList] = {}
-    merged: dict[object, DictConfig] = {}
+    merged: dict[object, bytes] = {}  # copied by pickle, in a fifth of the time of deepcopy
     list_defaults = config_loader_impl.create_defaults_list
     merge = ConfigLoaderImpl._compose_config_from_defaults_list
-    load, files = ConfigRepository.load_config, dict[str, ConfigResult | None]()
+    load, files = ConfigRepository.load_config, dict[str, bytes]()
 
     def once_loaded(self: ConfigRepository, config_path: str) -> ConfigResult | None:
         if not _is_own(self):
             return load(self, config_path)
         if config_path not in files:
-            files[config_path] = load(self, config_path)
-        return copy.deepcopy(files[config_path])
+            files[config_path] = pickle.dumps(load(self, config_path))
+        found: ConfigResult | None = pickle.loads(files[config_path])
+        return found
 
     def once_listed(
         repo: IConfigRepository, config_name: str, overrides_list: list[Override], **how: Any
@@ -64,8 +66,9 @@ def compose_once(patch: pytest.MonkeyPatch) -> None:
             return merge(self, defaults, repo)
         key = repr(defaults)
         if key not in merged:
-            merged[key] = merge(self, defaults, repo)
-        return copy.deepcopy(merged[key])
+            merged[key] = pickle.dumps(merge(self, defaults, repo))
+        found: DictConfig = pickle.loads(merged[key])
+        return found
 
     # with each composition Hydra copies the registered schemas, which it does not change
     patch.setattr(ConfigStore, "__deepcopy__", lambda store, _: store, raising=False)
