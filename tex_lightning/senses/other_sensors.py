@@ -30,13 +30,13 @@ def draw(share: float, frames: int, count: int, rng: np.random.Generator) -> Ten
 
     Returns:
         (count, 2 + CURVES): noise as a factor of the mean magnitude, its first frame, and the
-        weights of the curves of the response in nepers; zeros change nothing.
+        weights of the curves of the response in nepers. A row of zeros changes nothing.
     """
     noise = 10 ** (-rng.uniform(LOUDEST, FAINTEST, count) / 20)
     first = rng.integers((LONGER - 1) * frames + 1, size=count)
     response = rng.normal(0, SPREAD / np.arange(1, CURVES + 1), (count, CURVES))
     noisy, other = rng.random((2, count)) < share
-    columns = noise * noisy, first, *(response * other[:, None]).T
+    columns = noise * noisy, first * noisy, *(response * other[:, None]).T
     return torch.from_numpy(np.stack(columns, axis=1)).float()
 
 

@@ -16,6 +16,7 @@ import torch
 from torch import Tensor
 
 from tex_lightning.core.console import log_once
+from tex_lightning.core.devices import is_at_hand
 from tex_lightning.core.progress import track
 from tex_lightning.data.banks import Bank, Indices, InputBank
 from tex_lightning.data.decode import Array, SignalDecoder, read_trace
@@ -235,8 +236,17 @@ class SignalSense(Sense):
         inputs, features = pieces["input"], self.spectrogram
         if "drawn" not in pieces or features is None:
             return inputs
+        drawn, changed = pieces["drawn"], pieces["drawn"].any(dim=1)
+        if not is_at_hand(drawn):  # where it would take a synchronisation to pick the few
+            others = self._as_of_others(features, inputs, drawn)
+            return torch.where(changed[:, None, None, None], others, inputs)
+        inputs = inputs.clone()
+        inputs[changed] = self._as_of_others(features, inputs[changed], drawn[changed])
+        return inputs
+
+    def _as_of_others(self, features: SpectrogramFeatures, inputs: Tensor, drawn: Tensor) -> Tensor:
         magnitudes = features.magnitudes_of(inputs[:, 0])
-        return features.normalise(self.other_sensors(magnitudes, pieces["drawn"]))[:, None]
+        return features.normalise(self.other_sensors(magnitudes, drawn))[:, None]
 
     def decode_input(
         self,
