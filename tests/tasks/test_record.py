@@ -56,9 +56,12 @@ def samples_of(tmp_path, name, label="oak"):
 def test_a_pipe_is_written_whole(record, tmp_path, monkeypatch):
     trace = make_trace(1, 0, seconds=3)
     reading, writing = os.pipe()
-    writer = threading.Thread(
-        target=lambda: [os.write(writing, trace.tobytes()), os.close(writing)], daemon=True
-    )
+
+    def write() -> None:
+        with os.fdopen(writing, "wb") as pipe:  # all of it, also where a signal interrupts
+            pipe.write(trace.tobytes())
+
+    writer = threading.Thread(target=write, daemon=True)
     monkeypatch.setattr(sys, "stdin", SimpleNamespace(fileno=lambda: reading))
     writer.start()
     outcome = record(*OAK, "haptic=-", "record.seconds=1.25", "record.count=3")
