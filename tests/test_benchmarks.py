@@ -65,6 +65,7 @@ def test_adaptation_to_draws_of_what_is_tested(surfaces, tmp_path):
     table.write_text(TABLE)
     figures = adaptation.measure(data=str(surfaces), only="waves", table=str(table))
     kinds = {"all", "half", "two", "one", "ten", "common", "unknown", "unknown_some"}
+    kinds |= {"unknown_told", "unknown_some_told"}
     assert {*figures} == {f"waves.first.{kind}" for kind in kinds}
     assert figures["waves.first.all"].startswith("100.0% -> 100.0% (21 -> 21 of 21), adapted ")
     assert "of 14), adapted " in figures["waves.first.unknown"]

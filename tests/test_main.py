@@ -152,6 +152,7 @@ def test_a_current_folder_that_was_deleted_is_said(cli, tmp_path, monkeypatch):
         ),
         (["model.senses=[]"], "model.senses is []: name one sense or several"),
         (["model=fusion", "model.senses=[haptic,smell]"], "model.senses names smell"),
+        (["model.senses=[[haptic]]"], "model.senses names ['haptic'] (did you mean haptic?)"),
         (["model=minirocket", "model.senses=[haptic,sound]"], "looks at one sense"),
         (["data.root=/somewhere"], "data.root is not read by data=synthetic"),
         (["data.val_fold=0"], "both 0: choose different folds"),

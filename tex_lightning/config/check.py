@@ -66,7 +66,7 @@ def read_config(composed: DictConfig) -> Config:
             config.own[name] = getattr(config, name)
         elif not (name.startswith("model.") and _is_referred_to(name, composed)):
             raise unknown_key(name, composed)
-    for name in model.senses:
+    for name in map(str, model.senses):  # a user can give anything in its place
         if name not in model.known:
             by_modality = {model.sense(each).modality: each for each in reversed(model.known)}
             near = nearest(by_modality.get(name, name), model.known)  # image is that of visual

@@ -39,8 +39,8 @@ SEPARATORS = ",;\t|"
 HEAD = 4096  # bytes of a first line that is looked at
 NUMBER = re.compile("[0-9]{1,18}")  # longer ones are names
 SAMPLES = (
-    " Samples are no manifest: each recording has a file of its own (docs/data.md, Recordings in "
-    "one file)."
+    "; samples are no manifest: each recording has a file of its own (docs/data.md, Recordings in "
+    "one file)"
 )
 MEANT = {  # other names of columns, in tables of labels as people have them
     "path": ("path", "paths", "file", "files", "filename", "file_name", "file name", "filepath"),
@@ -186,8 +186,9 @@ def _check_names(path: Path, names: Sequence[str]) -> None:
     if missing := [column for column in MEANT if column not in names]:
         raise UserError(
             f"Manifest {path} has no column {' or '.join(missing)}; its first line must name "
-            f"{','.join(COLUMNS)}, of which modality and group may be left out."
+            f"{','.join(COLUMNS)}, of which modality and group may be left out"
             + (SAMPLES if "path" in missing else "")
+            + "."
         )
 
 
