@@ -21,7 +21,13 @@ from tex_lightning.learning.module import SurfaceModule
 from tex_lightning.learning.training_check import check_fitted_baseline, check_sense
 
 RATE = 1000.0
-FIT = {"epochs": 1, "perturb": [], "perturbed_copies": 0, "other_sensors": 0.0, "head_factor": 1.0}
+FIT = {
+    "epochs": 1,
+    "perturb": [],
+    "perturbed_copies": 0,
+    "sensor_augmentation": 0.0,
+    "head_factor": 1.0,
+}
 
 
 @pytest.fixture(autouse=True)

@@ -17,7 +17,7 @@ from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 from tex_lightning.senses.signal import SignalSense
 
 RATE = 1000.0
-FIT = {"perturb": [], "perturbed_copies": 0, "other_sensors": 0.0}
+FIT = {"perturb": [], "perturbed_copies": 0, "sensor_augmentation": 0.0}
 
 
 class Energy(nn.Module):
@@ -175,7 +175,7 @@ def test_a_check_refuses_what_band_proportions_would_and_computes_none(monkeypat
 @pytest.mark.parametrize(
     ("share", "normalisation"), [(0.5, "standard"), (0.0, "standard"), (0.5, "paper")]
 )
-def test_a_share_of_the_training_is_as_of_other_sensors(tmp_path, share, normalisation):
+def test_a_share_of_the_training_is_augmented(tmp_path, share, normalisation):
     """The others stay as they are to the bit, and so do spectrograms without a known level."""
     card = make_card("haptic", sampling_rate=RATE, normalisation=normalisation)
     sense = SurfaceClassifier(card).senses["haptic"]
@@ -183,11 +183,11 @@ def test_a_share_of_the_training_is_as_of_other_sensors(tmp_path, share, normali
     np.save(tmp_path / "a.npy", rng.standard_normal((1, 5_000)))
     rows = [Recording("a", "haptic", tmp_path / "a.npy", "0")]
     store = Store(tmp_path, {"haptic": sense.decoder})
-    fit = FIT | {"other_sensors": share}
+    fit = FIT | {"sensor_augmentation": share}
     bank = sense.bank(rows, store, fit, size=200, seed=0, learn=True)
     pieces = bank.cut(np.zeros(64, dtype=int), np.random.default_rng(1))
     inputs = sense.training_input(pieces, 200)
-    drawn = pieces.get("drawn", torch.zeros(64, 1)).any(dim=1)
+    drawn = pieces.get("changes", torch.zeros(64, 1)).any(dim=1)
     same = (inputs == pieces["input"]).flatten(1).all(dim=1)
     assert torch.equal(same, ~drawn)
     assert drawn.any() == (share > 0 and normalisation == "standard")

@@ -58,7 +58,7 @@ class SignalFitConfig(FitConfig):
         "[1, 20000]",
         "frames of a sub-sample; longer signals are cut at random, shorter repeated",
     ]
-    other_sensors: Annotated[
+    sensor_augmentation: Annotated[
         float,
         "[0, 1]",
         "share of sub-samples with added noise, and share with another frequency response; only of "

@@ -32,8 +32,8 @@ class InputBank:
         inputs: Inputs of all recordings in their first version, then in their second, and so on.
         frames: Length of the sub-samples. Shorter inputs are repeated up to it.
         versions: Number of versions of every recording; one is drawn for each cut.
-        draw: Draws of a generator, for so many sub-samples, how the sense is to change them
-            (count, ...); None changes nothing.
+        draw_changes: Function that draws the random numbers (count, ...) of an augmentation of so
+            many sub-samples from a generator; None for no augmentation.
 
     Attributes:
         as_given: Whether no input had to be repeated.
@@ -48,9 +48,9 @@ class InputBank:
         inputs: Iterable[Tensor],
         frames: int,
         versions: int = 1,
-        draw: Callable[[int, np.random.Generator], Tensor] | None = None,
+        draw_changes: Callable[[int, np.random.Generator], Tensor] | None = None,
     ) -> None:
-        self.versions, self.frames, self.draw = versions, frames, draw
+        self.versions, self.frames, self.draw_changes = versions, frames, draw_changes
         lengths: list[int] = []
         self.as_given, self.pieces = True, list[tuple[int, Tensor]]()
         self.disturbed = list[tuple[Tensor, Tensor]]()
@@ -80,7 +80,7 @@ class InputBank:
     ) -> dict[str, Tensor]:
         """Cut ``input``, a sub-sample (batch, ..., frames) of each indexed recording.
 
-        ``drawn`` (batch, ...) says how they are to be changed, if they are.
+        With an augmentation ``changes`` (batch, ...) are the random numbers of it.
         Random numbers are drawn for all of them, but only the ``share`` of this process is cut. If
         a device holds the inputs, ``start`` (batch,) is returned instead, for :meth:`cut_there`.
         """
@@ -89,10 +89,11 @@ class InputBank:
             indices = indices + version * (len(self.lengths) // self.versions)
         offsets = rng.integers(0, self.lengths[indices] - self.frames + 1)
         start = torch.from_numpy((self.starts[indices] + offsets)[share])
-        drawn = {"drawn": self.draw(len(indices), rng)[share]} if self.draw is not None else {}
-        if self.held is not None:
-            return {"start": start, **drawn}
-        return {"input": self._at(self.flat, start), **drawn}
+        held = self.held is not None
+        pieces = {"start": start} if held else {"input": self._at(self.flat, start)}
+        if self.draw_changes is not None:
+            pieces["changes"] = self.draw_changes(len(indices), rng)[share]
+        return pieces
 
     def hold(self, device: torch.device) -> None:
         """Copy the inputs to a device, if it has :func:`room` for them."""

@@ -137,7 +137,7 @@ class Sense(nn.Module, ABC):
             pieces: Pieces that the bank has cut.
             size: Length or side of a piece.
             change: Augmentation of photos (batch, 3, side, side) in [0, 1], applied before they
-                are normalised; None for none. Signals have none.
+                are normalised; None for none. Signals have none but that of ``pieces``.
         """
 
     @abstractmethod

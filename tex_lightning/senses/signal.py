@@ -30,7 +30,7 @@ from tex_lightning.perturbations.traces import disturbed
 from tex_lightning.senses.base import Change, Sense, as_tensor
 from tex_lightning.senses.features.proportions import BandProportions
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
-from tex_lightning.senses.other_sensors import OtherSensors, draw
+from tex_lightning.senses.sensor_augmentation import SensorAugmentation, draw_changes
 from tex_lightning_runtime.files import expanded
 from tex_lightning_runtime.quality import (
     Quality,
@@ -143,11 +143,12 @@ class SignalSense(Sense):
         if learn and hasattr(features, "fit"):
             features.fit(raw[: len(rows)])
         versions = len(raw) // len(rows)
-        share, changes, spectrogram = fit["other_sensors"], None, self.spectrogram
+        share, draw, spectrogram = fit["sensor_augmentation"], None, self.spectrogram
         if share and spectrogram is not None and spectrogram.standardises:
-            self.other_sensors = OtherSensors(spectrogram, size)
-            changes = partial(draw, share, size)
-        bank = InputBank(map(self._normalised, raw), size, versions, changes)
+            axes = len(load_recording(rows[0], store))
+            self.sensor_augmentation = SensorAugmentation(spectrogram, size, axes)
+            draw = partial(draw_changes, share, size)
+        bank = InputBank(map(self._normalised, raw), size, versions, draw)
         taken = _taken(self.network)
         if "pieces" in taken and getattr(self.network, "cuts", True):
             bank.pieces = [*self._pieces(rows, store, seed)]
@@ -232,21 +233,22 @@ class SignalSense(Sense):
     def training_input(
         self, pieces: Mapping[str, Tensor], size: int, change: Change | None = None
     ) -> Tensor:
-        """Return the sub-samples, some as of other sensors; see the base class."""
+        """Return the sub-samples, augmented where it was drawn; see the base class."""
         inputs, features = pieces["input"], self.spectrogram
-        if "drawn" not in pieces or features is None:
+        if "changes" not in pieces or features is None:
             return inputs
-        drawn, changed = pieces["drawn"], pieces["drawn"].any(dim=1)
-        if not is_at_hand(drawn):  # where it would take a synchronisation to pick the few
-            others = self._as_of_others(features, inputs, drawn)
-            return torch.where(changed[:, None, None, None], others, inputs)
+        changes = pieces["changes"]
+        is_changed = changes.any(dim=1)
+        if not is_at_hand(changes):  # where it would take a synchronisation to pick the few
+            augmented = self._augmented(features, inputs, changes)
+            return torch.where(is_changed[:, None, None, None], augmented, inputs)
         inputs = inputs.clone()
-        inputs[changed] = self._as_of_others(features, inputs[changed], drawn[changed])
+        inputs[is_changed] = self._augmented(features, inputs[is_changed], changes[is_changed])
         return inputs
 
-    def _as_of_others(self, features: SpectrogramFeatures, inputs: Tensor, drawn: Tensor) -> Tensor:
+    def _augmented(self, features: SpectrogramFeatures, inputs: Tensor, changes: Tensor) -> Tensor:
         magnitudes = features.magnitudes_of(inputs[:, 0])
-        return features.normalise(self.other_sensors(magnitudes, drawn))[:, None]
+        return features.normalise(self.sensor_augmentation(magnitudes, changes))[:, None]
 
     def decode_input(
         self,

@@ -1,4 +1,4 @@
-"""Sub-samples as other sensors give them, against noise and filters on the signals themselves."""
+"""Augmented spectrograms, against noise and filters on the signals themselves."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import torch
 from scipy import signal
 
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
-from tex_lightning.senses.other_sensors import CURVES, OtherSensors, draw
+from tex_lightning.senses.sensor_augmentation import COSINES, SensorAugmentation, draw_changes
 
 FRAMES, RATE = 300, 2_000.0
 
@@ -25,9 +25,9 @@ def stroke(seed):
     return torch.from_numpy(signal.lfilter([1], [1, -0.9], white)).float()
 
 
-def changed(features, magnitudes, factor=0.0, first=0, response=(0.0,) * CURVES):
+def changed(features, magnitudes, factor=0.0, first=0, response=(0.0,) * COSINES):
     drawn = torch.tensor([[factor, first, *response]])
-    return OtherSensors(features, FRAMES)(magnitudes[None], drawn)[0]
+    return SensorAugmentation(features, FRAMES, 1)(magnitudes[None], drawn)[0]
 
 
 def test_magnitudes_come_back_from_the_input(features):
@@ -40,7 +40,7 @@ def test_magnitudes_come_back_from_the_input(features):
 def test_what_is_not_drawn_changes_nothing(features):
     magnitudes = features.magnitudes(stroke(5))
     assert torch.equal(changed(features, magnitudes), magnitudes)
-    assert not draw(0.0, FRAMES, 100, np.random.default_rng(0))[:, [0, *range(2, 2 + CURVES)]].any()
+    assert not draw_changes(0.0, FRAMES, 100, np.random.default_rng(0)).any()
 
 
 @pytest.mark.parametrize("decibels", [10, 20, 40])
@@ -70,7 +70,7 @@ def test_a_response_is_that_of_a_filter_and_has_the_level_of_none(features):
 
 
 def test_the_share_gets_noise_and_the_share_a_response():
-    drawn = draw(0.3, FRAMES, 10_000, np.random.default_rng(0))
+    drawn = draw_changes(0.3, FRAMES, 10_000, np.random.default_rng(0))
     noisy, other = drawn[:, 0] > 0, (drawn[:, 2:] != 0).all(dim=1)
     for each, share in ((noisy, 0.3), (other, 0.3), (noisy & other, 0.09)):
         assert abs(each.float().mean() - share) < 4 * (share * (1 - share) / 10_000) ** 0.5
@@ -79,5 +79,5 @@ def test_the_share_gets_noise_and_the_share_a_response():
     assert drawn[:, 1].min() >= 0
     assert (
         drawn[:, 1].max() + FRAMES
-        <= OtherSensors(SpectrogramFeatures(sampling_rate=RATE), FRAMES).noise.shape[1]
+        <= SensorAugmentation(SpectrogramFeatures(sampling_rate=RATE), FRAMES, 1).noise.shape[1]
     )
