@@ -389,13 +389,18 @@ def untrained(common) -> Path:
 
 
 @pytest.fixture(scope="session")
-def exported(common, run_once) -> tuple[Path, Path]:
-    """Checkpoint and exported file of one network."""
+def random_fusion(common) -> Path:
+    """Checkpoint of a small FusionNet of random weights, with what training leaves behind."""
     from random_fusion import write_random_fusion  # which takes what is here
 
-    checkpoint = make_once(common / "random_fusion", write_random_fusion) / "fusion.ckpt"
-    run = run_once("task=export", f"checkpoint={checkpoint}", "export.check=3")
-    return checkpoint, run / "fusion.onnx"
+    return make_once(common / "random_fusion", write_random_fusion) / "fusion.ckpt"
+
+
+@pytest.fixture(scope="session")
+def exported(random_fusion, run_once) -> tuple[Path, Path]:
+    """The same checkpoint, and its exported file."""
+    run = run_once("task=export", f"checkpoint={random_fusion}", "export.check=3")
+    return random_fusion, run / "fusion.onnx"
 
 
 def write_untrained(folder: Path) -> None:

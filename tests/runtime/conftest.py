@@ -7,8 +7,8 @@ from tex_lightning_runtime import Runtime
 
 
 @pytest.fixture(scope="session")
-def model(exported):
-    return tl.load(exported[0])
+def model(random_fusion):
+    return tl.load(random_fusion)
 
 
 @pytest.fixture(scope="session")
