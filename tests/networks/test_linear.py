@@ -355,12 +355,13 @@ def test_a_recording_unlike_all_in_training_is_moved_to_the_edge_of_what_they_re
     rng, labels, size = np.random.default_rng(0), torch.arange(3).repeat(10), 40
     centres = 3 * rng.standard_normal((3, size))
     values = centres[labels] + rng.standard_normal((30, size))
-    network = LinearNet(3, bands=size).eval()
+    values = np.hstack((values, np.full((30, 100), 2.0)))  # what never varies does not count
+    network = LinearNet(3, bands=size + 100).eval()
     network.fit(rows(values), labels)
-    loaded = LinearNet(3, bands=size).eval()
+    loaded = LinearNet(3, bands=size + 100).eval()
     loaded.load_state_dict(network.state_dict())
     unlike, usual = values.copy(), values[::10].copy()
-    unlike[:, ::4] += 6 * np.sign(unlike[:, ::4])
+    unlike[:, :size:4] += 6 * np.sign(unlike[:, :size:4])
     clipped = unlike.clip(values.min(axis=0), values.max(axis=0))
     wave = np.tile([1.0, -1.0], 3)  # its fragments differ, and are moved alike
     given, moved = (torch.from_numpy(x[:, None, :, None] + wave).float() for x in (unlike, clipped))

@@ -5,6 +5,7 @@ import torch
 from scipy.signal import resample
 
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
+from tex_lightning.senses.gain import KnownGain
 
 
 def sounds(count, rate=2000):
@@ -92,3 +93,15 @@ def test_what_was_recorded_at_a_lower_rate_has_the_bands_of_a_training_recording
     features.known_gain.spectra = features.known_gain.spectra[:0]
     without = features(gain * back).mean(dim=-1)[0, 0]
     assert (means[0] - without).abs().max() > 3
+
+
+@pytest.mark.parametrize(("quiet", "movement"), [(0.04, 60), (0.08, 100)])
+def test_a_gain_is_told_from_what_30_percent_of_the_movement_exceed(quiet, movement):
+    """Every third frame counts, and what has less than a twentieth of the magnitude is a rest."""
+    every = 1 + torch.arange(100.0)[torch.randperm(100, generator=torch.Generator().manual_seed(0))]
+    loud = torch.where(every > 40, 1 + every / 1000, quiet + every / 1e6)
+    magnitudes = torch.zeros(2, 300)
+    magnitudes[:, ::3] = torch.stack((loud, 2 * loud))
+    heard = KnownGain(300, 2).heard(magnitudes)
+    assert heard[1] == 2 * heard[0]
+    assert int((loud > heard[0]).sum()) == pytest.approx(0.3 * movement, abs=1)
