@@ -6,7 +6,12 @@ import torch
 from scipy.signal import ShortTimeFFT, detrend
 from scipy.signal.windows import hann
 
-from tex_lightning.senses.octave_bands import FLOOR, OctaveBands, octave_filters
+from tex_lightning.senses.octave_bands import (
+    FLOOR,
+    OctaveBands,
+    octave_filters,
+    transform_length,
+)
 
 
 @pytest.mark.parametrize("rate", [1000.0, 2200.0, 10_000.0, 44_100.0])
@@ -44,3 +49,18 @@ def test_responses_compare_the_logarithms_of_scipys_spectrum(trend):
     np.testing.assert_allclose(
         bands.responses(trace, torch.ones(())), np.concatenate(expected, axis=1), atol=2e-3
     )
+
+
+@pytest.mark.parametrize("samples", [0.3, 17, 500.4, 1023, 1025, 7777, 65_536, 1e6])
+def test_a_transform_is_the_next_of_small_factors_and_a_long_one_can_be_halved(samples):
+    length = transform_length(samples)
+    assert length >= 2
+    assert samples - max(1, samples / 1024) <= length <= 1.1 * samples + 2
+    odd = length
+    while odd % 2 == 0 and odd > 1024:
+        odd //= 2
+    assert odd <= 1100
+    for prime in (2, 3, 5, 7, 11):
+        while odd % prime == 0:
+            odd //= prime
+    assert odd == 1
