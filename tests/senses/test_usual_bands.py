@@ -27,8 +27,9 @@ def learnt(request) -> UsualBands:
     return usual
 
 
-def test_the_highest_bands_are_empty_with_those_at_their_edge_and_leave_the_mean(learnt):
-    whole, cut = log_bands(1), log_bands(1)
+@pytest.mark.parametrize("gain", [-6.0, 0.0, 6.0])
+def test_the_highest_bands_are_empty_with_those_at_their_edge_and_leave_the_mean(learnt, gain):
+    whole, cut = gain + log_bands(1), gain + log_bands(1)
     cut[:, :, -3:] -= 20
     before = whole.mean(dim=2, keepdim=True)
     kept, mean = learnt.without_empty(whole, before)
@@ -62,3 +63,13 @@ def test_what_is_empty_has_usual_proportions_means_and_deviations(learnt):
     torch.testing.assert_close(kept.mean(dim=0), expected[:, chosen].mean(dim=0), atol=0.05, rtol=0)
     if levels:
         torch.testing.assert_close(kept.std(dim=0), expected.std(dim=0), atol=0.08, rtol=0)
+
+
+def test_what_older_checkpoints_know_of_empty_bands_is_known(learnt):
+    mean, depth = torch.linspace(5, 0, BANDS), torch.linspace(7, 9, BANDS)
+    learnt.moments.copy_(learnt.of_older(torch.stack((mean, depth))))
+    loaded = UsualBands(learnt.sizes, GAP, levels=learnt.levels, apart=0)
+    loaded.load_state_dict(learnt.state_dict())
+    torch.testing.assert_close(loaded.depth, depth)
+    torch.testing.assert_close(loaded.moments[0, :BANDS], mean)
+    torch.testing.assert_close(loaded.moments[0, BANDS : 2 * BANDS - GAP], mean[GAP:] - mean[:-GAP])
