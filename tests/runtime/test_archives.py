@@ -58,6 +58,15 @@ def test_arrays_of_one_length_are_columns_of_a_table(tmp_path, suffix, arrays, a
     np.testing.assert_array_equal(chosen, samples[-1])
 
 
+@pytest.mark.parametrize(
+    "given", [{"fs": x} for x in (0.0, -800.0, np.nan, np.inf)] + [{"fs": 800, "sr": 900}]
+)
+def test_a_rate_that_cannot_be_is_not_known(tmp_path, given):
+    samples, rate, _ = read_samples(save(tmp_path / "a.npz", acc=SAMPLES, **given))
+    np.testing.assert_array_equal(samples, SAMPLES.T)
+    assert rate is None
+
+
 def test_moments_are_times_and_fields_are_columns(tmp_path):
     moments = np.datetime64("2026-11-28T10:00") + np.arange(300) * np.timedelta64(2, "ms")
     signal = read_samples(save(tmp_path / "a.npz", time=moments, acc=SAMPLES))
