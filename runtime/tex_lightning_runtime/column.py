@@ -114,11 +114,11 @@ class Column:
     @property
     def units(self) -> list[str]:
         """Units that name and row of units state, in small letters."""
-        stated = [*re.findall(r"[(\[]([^)\]]*)[)\]]", self.name), self.unit.strip("()[] ")]
+        stated = [*re.findall(r"[(\[]([^)\]]*)[)\]]", self.name), self.unit]
         stated += re.findall(r"(?:^|\s)in\s+(\S+)$", self.name)
         if "/" in self.name:
             stated.append(self.name.rpartition("/")[2])
-        return [each for each in map(_plain, stated) if each]
+        return [each for each in map(plain_unit, stated) if each]
 
     @property
     def is_time(self) -> bool:
@@ -225,12 +225,14 @@ class Column:
         words = {*self.words}
         index = bool(words & INDICES) or "sequence" in self.units
         called = words & COUNTS and words <= COUNTS | STATES | {"of", "sub", "logging"}
-        steps = np.diff(np.asarray(self.values, np.float64))
+        values = np.asarray(self.values, np.float64)
+        steps = np.diff(values)
         by_one = self.by_one and not self.units
         if not (index or called or by_one or self.name == "#") or not self._is_whole():
             return False
         if index or by_one:
             return by_one or bool((steps < 0).sum() <= (1 - USUAL) * len(steps))
+        steps %= np.ptp(values) + 1  # sub-frames begin anew with each frame
         rises = np.flatnonzero(steps)  # at every sample, or at every tenth
         if len(rises) < 2:
             return len(steps) > len(rises) == 0
@@ -278,6 +280,8 @@ class Column:
                 return UNITS[unit]
             if not NO_UNITS.fullmatch(unit) and not {*split_words(unit)} <= OF_TIME:
                 raise ask_unit(self.name, f"whose unit {unit!r} is not known")
+        if re.search(r"(?<![^\W_])\d+[mun]s", self.name):  # time_100us
+            raise ask_unit(self.name, "whose unit has a number")
         words = self.words[: (*self.words, "of").index("of")]  # seconds of the day
         return next((UNITS[word] for word in reversed(words) if word in UNITS), None)
 
@@ -286,12 +290,14 @@ def split_words(name: str) -> tuple[str, ...]:
     """Return the words of a name in small letters, and its numbers: ``accX_2`` has three."""
     plain = unicodedata.normalize("NFKC", name)
     parts = re.sub(r"(?<=[a-zµμ])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", plain).casefold()
-    whole = re.sub(r"(?<![a-z])(nano|micro|milli)[\W_]+(?=s)", r"\1", parts)  # nano seconds
+    unit = r"(?<![a-z])(?:(nano|micro|milli)[\W_]+(?=s)|([mun]) (?=sec))"  # nano seconds, mSec
+    whole = re.sub(unit, r"\1\2", parts)
     return tuple(re.findall(r"[^\W\d_]+|\d+", whole))
 
 
-def _plain(unit: str) -> str:
-    return unicodedata.normalize("NFKC", unit).casefold().strip(" .")
+def plain_unit(unit: str) -> str:
+    """Return a unit in small letters, without brackets."""
+    return unicodedata.normalize("NFKC", unit).casefold().strip(" .()[]")
 
 
 def _is(pattern: re.Pattern[str], cell: object) -> bool:
@@ -306,9 +312,9 @@ def rising(samples: Array) -> bool:
     return len(steps) > MIN_RISING and bool((abs(steps - steps.mean()) < EVEN * steps.mean()).all())
 
 
-def missing(column: Column, place: int) -> TableError:
+def missing(column: Column, place: int, found: str = "no number") -> TableError:
     """Return the error for a cell without a number."""
     return TableError(
-        f"has no number in the column {column.name!r} at sample {place}; repair the recording, or "
+        f"has {found} in the column {column.name!r} at sample {place}; repair the recording, or "
         "choose other columns by data.channels"
     )

@@ -15,6 +15,7 @@ from tex_lightning_runtime.times import (
     EVEN,
     MIN_STAMPS,
     NOMINAL,
+    SELDOM,
     TURNS,
     UNITS,
     Even,
@@ -22,6 +23,7 @@ from tex_lightning_runtime.times import (
     even_samples,
 )
 
+FILLERS, BEYOND = (999.0, 9999.0, 99999.0), 10  # in place of what is missing; times all others
 IDLE, LIVELY = 0.75, 0.5  # shares of samples that equal the one before: of states, of signals
 
 
@@ -87,20 +89,34 @@ def separate(
     rows = ~blank if times is not None and not blank.all() else np.full(len(blank), True)
     samples = np.stack([_samples(column, rows) for column in axes])
     found, said = Even(samples, rate or 0.0), rate_from if rate else ""
+    cut = [] if rows.all() else [f"{(~rows).sum()} lines without numbers in its axes are left out"]
     if times is not None and time is not None:
-        found = even_samples(times[rows], samples)
+        once = ~_repeats(times[rows], samples)
+        if not once.all():
+            cut.append(f"{(~once).sum()} lines that repeat the one before are left out")
+        found = even_samples(times[rows][once], samples[:, once])
         said = f"times in {_title(time)}{found.said}"
         if rate and not math.isclose(found.rate, rate, rel_tol=NOMINAL):
             told = f"{rate:,.6g} Hz is stated above the table, and its times have {found.rate:,.6g}"
             found = found._replace(notes=(*found.notes, f"{told} Hz, which count"))
     names = tuple(column.name for column in axes) if axes[0].named else ()
-    cut = [] if rows.all() else [f"{(~rows).sum()} lines without numbers in its axes are left out"]
     warned = [
         *(_warned(axes) if times is None else ()),
         *(_unlike(axes) if channels is None else ()),
     ]
     notes = (*cut, *warned, *_joined(columns), *found.notes)
     return found.samples, found.rate or None, Reading(names, said, left, notes)
+
+
+def _repeats(times: Array, samples: Array) -> Array:
+    """Return which samples are those of the line before, written twice.
+
+    Samples within one coarse time differ, or rest between times as well.
+    """
+    again = np.diff(times) == 0
+    same = (np.diff(samples) == 0).all(axis=0)
+    twice = again.any() and same[again].all() and same[~again].mean() < SELDOM
+    return np.append(False, again & bool(twice))
 
 
 def _divided(
@@ -309,4 +325,9 @@ def _samples(column: Column, rows: Array) -> Array:
     values = np.asarray(column.values, np.float64)
     if np.isnan(values[rows]).any():
         raise missing(column, int(np.isnan(values).argmax()))
+    sizes = np.abs(values[rows])
+    top = sizes.max(initial=0.0)
+    if top in FILLERS and top > BEYOND * sizes.max(initial=0.0, where=sizes < top) > 0:
+        place = int((np.abs(values) == top).argmax())
+        raise missing(column, place, f"{values[place]:g} in place of a number")
     return values[rows]

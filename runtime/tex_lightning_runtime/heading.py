@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from math import isclose
 
 from tex_lightning_runtime.cells import POINTS, THOUSANDS, WHOLE, Dialect, Kinds, decimal_mark, kind
-from tex_lightning_runtime.column import TIMES, UNNAMED, split_words
+from tex_lightning_runtime.column import TIMES, UNNAMED, plain_unit, split_words
 from tex_lightning_runtime.resampling import MAX_RATE, MIN_RATE
 from tex_lightning_runtime.times import EPOCH, NOMINAL, UNITS, TableError
 
@@ -15,16 +15,19 @@ DIVIDED = re.compile(r"\b(?:decimat|downsampl)\w*\W+(?:[2-9]|\d\d)", re.IGNORECA
 FULL_SCALE = re.compile(r"m?g|[mk]?[vn]|pa|dps", re.IGNORECASE)
 ROUND = 25  # Hz, of which a rate that nothing calls so is a multiple
 COMMENT = re.compile(r"^[ \t]*(?:#|%|//)[#%/ \t]*")
-AMOUNT = r"[\"']?[ \t:=,;]+[\"']?\+?(?P<value>\.?\d[\d.,]*(?:e[-+]?\d+)?)[\"']?[ \t,;(]*"
+AMOUNT = r"[\"']?[ \t:=,;@]+[\"']?\+?(?P<value>\.?\d[\d.,]*(?:e[-+]?\d+)?)[\"']?[ \t,;(]*"
 SAMPLING = r"(?:samp\w*|update|output(?:[ _-]data)?|acquisition|meas\w*|scan|log\w*)"
-HERTZ = "k?hz|ks/s|k?sps|s/s|fps"
+HERTZ = "[km]?hz|[km]?s/s|[km]?sps|fps"
+SECONDS = rf"(?:µs|{'|'.join(UNITS)})\b"
 IN_HERTZ = rf"(?=\W*\d[\d.,]* *(?:{HERTZ}))"
-OF_UNIT = rf"(?:(?:[ ]*[(\[]|_(?=k?hz))(?P<before>\w+/?\w*)[)\]]?)?{AMOUNT}(?P<unit>{HERTZ})?"
+KNOWN = rf"{HERTZ}|{SECONDS}(?![-^⁻])"  # s^-1
+OF_UNIT = rf"(?:(?:[ ]*[(\[]|_(?=k?hz))(?P<before>\w+/?\w*)[)\]]?)?{AMOUNT}(?P<unit>{KNOWN})?"
 RATE = re.compile(
     rf"(?:\bf_?s|\bodr|(?<!max[ .])(?<!imum )\b{SAMPLING}[ _-]?(?:rate|freq\w*)"
     r"|\b(?:abtast|mess)(?:rate|frequenz)|^\W*(?:rate|frequency)|\bsamples[ _]?(?:per |/)s\w*"
     r"|fr[eé][cq]u\w*\W+\w+\W+(?:échantillonnage|muestreo|campionamento|amostragem)"
-    rf"|\b(?:samples|sampled|recorded|logged) at{IN_HERTZ}){OF_UNIT}",
+    rf"|\b(?:samples|sampled|recorded|logged|created)\b(?:(?!pass|filter|cut).)* at{IN_HERTZ}"
+    rf"|(?=@){IN_HERTZ}|^\W*(?= \d[\d.,]* *(?:{HERTZ})\W*$)){OF_UNIT}",
     re.IGNORECASE,
 )
 OTHER_RATE = re.compile(  # which may be that of a camera or a radio beside the sensor
@@ -33,40 +36,45 @@ OTHER_RATE = re.compile(  # which may be that of a camera or a radio beside the 
 PERIOD = re.compile(
     rf"(?:\bsampl\w*[ _-]?(?:period|time)|\b{SAMPLING}[ _-]?interval|(?:\bdelta[ _]?|[Δ∆])[xt]|\bdt"
     r"|\babtast(?:intervall|zeit|periode)|\bperiod(?=_)|\bts(?= *=)|^\W*in(?:crement|terval)"
+    r"|(?= \d[\d.,]* *[mun]?s\w*/(?:sample|point|pt))"
     r"|\b(?:[hxt]_?|x-axis |time |waveform )(?:inc\w*|delta|interval|step|resolution))"
     rf"(?:(?:[ ]*[(\[]|_(?=[mun]?s\b))(?P<before>[µμ\w]+)[)\]]?)?{AMOUNT}"
-    rf"(?P<unit>(?:µs|{'|'.join(UNITS)})\b)?",
+    rf"(?P<unit>{SECONDS})?",
     re.IGNORECASE,
 )
 SAMPLES = re.compile(r"\b(?:npts|samples|points)[\"' \t:=,;]+(\d+)\b|\b(\d+) samples\b", re.I)
 UNIT = re.compile(  # in a row of units
-    r"[(\[].*[)\]]|[mµμukM]?(V|A|g|N([·*⋅. ]?[cm]?m)?|Pa|Hz|T|G|W|K|s|m|ohm)|[cm]m|ns|[Ss]ec|min"
+    r"[(\[].*[)\]]|[mµμukM]?(V|A|g|N([·*⋅. ]?[cm]?m)?|Pa|Hz|T|G|W|K|s|m|ohm)|[cm]m|ns"
     r"|%|-|raw|a\.?u\.?|volts?"
     r"|°\w*|((µ|μ|u|m|k|c)?(m|g|rad|deg|°)|dps|rpm|counts?|lsb|bits?|adc|digits?|[Ss]econds?)"
-    r"([/*]s(ec)?(\^?-?2|²|/s)?)?|[Ss]equence|Volts?|gauss|tesla",
+    r"([/*]\(?s(ec)?(\^?-?2|²|/s)?\)?)?|[Ss]equence|Volts?|gauss|tesla"
+    rf"|(?i:{'|'.join(unit for unit in UNITS if len(unit) > 1)})",
 )
+UNNUMBERED = re.compile(rf"{UNNAMED.pattern}|[(\[].*?[)\]]")  # X (1.5 g)
 STATEMENT = re.compile(r"[^=]+=\s*[-+]?[\d.].*")  # between names
 
 
 def read_heading(
-    above: list[str], dialect: Dialect, columns: Kinds, notes: list[str]
+    above: list[str], dialect: Dialect, columns: Kinds, notes: list[str], *, listed: bool
 ) -> tuple[list[list[str]], float | None]:
     """Return the lines of names and units above the numbers, the last one first, or else a rate.
 
-    Remarks and lines without content may stand between them and the numbers.
+    Remarks and lines without content may stand between them and the numbers. ``listed`` says that
+    these are titles with one value each, which are no names.
     """
     rows: list[list[str]] = []
     for line in reversed(above):
         commented, plain = bool(COMMENT.match(line)), COMMENT.sub("", line, count=1)
         cells = _as_many(plain, dialect, columns)
-        if commented and len(cells) < columns.count == len(dialect.cells(line)):  # # is a name
-            cells = dialect.cells(line)
+        whole = dialect.cells(line) if dialect.separator != " " or columns.numbered else []
+        if commented and len(cells) < columns.count == len(whole):  # # is a name
+            cells = whole
         if _are_names(cells, columns) and (rows or not stated_rate([",".join(cells)])):
             rows.append(cells)
         elif rows:
             break
         elif not commented and any(map(kind, cells)):
-            return [], _read_other(line, cells, columns, notes)
+            return [], _read_other(line, cells, columns, notes, listed=listed)
         elif not commented:
             notes.append(f"a line without numbers is left out: {line.strip()[:40]!r}")
     return rows, None
@@ -80,7 +88,7 @@ def _are_names(cells: Sequence[str], columns: Kinds) -> bool:
         and not _are_settings(cells)
         and "text" in kinds
         and "stamp" not in kinds
-        and not any(re.search(r"\b\d+[.,]\d", UNNAMED.sub("", cell.casefold())) for cell in cells)
+        and not any(re.search(r"\b\d+[.,]\d", UNNUMBERED.sub("", c.casefold())) for c in cells)
         and not _are_values(cells, columns)
     )
 
@@ -96,12 +104,14 @@ def _are_values(cells: Sequence[str], columns: Kinds) -> bool:
 
 
 def _are_settings(cells: Sequence[str]) -> bool:
-    """Return whether cells are a title and its values, or a title alone."""
+    """Return whether cells are a title and its values, or a title alone, or x = 1."""
     titles = [cell.endswith((":", "=")) for cell in cells if cell]
-    return bool(titles) and titles[0] and (not all(titles) or len(titles) == 1)
+    return "=" in cells or (any(titles[:1]) and (not all(titles) or len(titles) == 1))
 
 
-def _read_other(line: str, cells: Sequence[str], columns: Kinds, notes: list[str]) -> float | None:
+def _read_other(
+    line: str, cells: Sequence[str], columns: Kinds, notes: list[str], *, listed: bool
+) -> float | None:
     """Return the rate in Hz that a line with content, but without names, may be.
 
     Raises:
@@ -114,6 +124,8 @@ def _read_other(line: str, cells: Sequence[str], columns: Kinds, notes: list[str
         return None  # which is read with the other lines above
     if sum(numbers) > 0.5 * len(cells) or (any(numbers) and len(cells) == columns.count):
         notes.append(f"an incomplete line of numbers is left out: {line.strip()[:40]!r}")
+    elif listed:
+        notes.append(f"a line without names is left out: {line.strip()[:40]!r}")
     elif len(cells) > 1 and not any(numbers):
         raise mismatch(len(cells), columns.count)
     return None
@@ -149,7 +161,8 @@ def _as_many(line: str, dialect: Dialect, columns: Kinds) -> list[str]:
             cells.pop()
         if len(cells) == count + 1 and cells[0].endswith((":", "=")):  # Fields: x y
             cells = cells[1:]
-        if 1 < len(cells) == count - 1 and columns.numbered and {*map(kind, cells)} == {"text"}:
+        alike = separator == dialect.separator and columns.numbered
+        if alike and 1 < len(cells) == count - 1 and {*map(kind, cells)} == {"text"}:
             cells = ["", *cells]  # R does not name its numbers of rows
         best = best or cells
         if len(cells) in (count, len(columns.kinds)):
@@ -162,8 +175,12 @@ def names_and_units(heading: list[list[str]]) -> tuple[tuple[str, ...] | None, t
     if not heading:
         return None, ()
     units: tuple[str, ...] = ()
+    index, *others = heading[0]
+    if len(heading) > 1 and TIMES & {*split_words(index)} and not any(others):
+        heading = [[index, *heading[1][1:]], *heading[2:]]  # as pandas names an index
     while len(heading) > 1 and _are_units(heading, bool(units)):
-        units, heading = units or tuple(heading[0]), heading[1:]
+        found = tuple(heading[0]) if any(map(UNIT.fullmatch, heading[0])) else ()
+        units, heading = units or found, heading[1:]
     names = list(heading[0])
     levels = len(heading) > 1 and sum(map(bool, heading[1])) > 1
     if levels and not _differ(names):  # several levels, as pandas writes them
@@ -174,8 +191,10 @@ def names_and_units(heading: list[list[str]]) -> tuple[tuple[str, ...] | None, t
 def _are_units(heading: list[list[str]], known: bool) -> bool:
     """Return whether the last line holds units, or types such as f8 or remarks, below names."""
     cells, names = heading[0], [line for line in heading[1:] if all(line) and _differ(line)]
-    types = bool(names) and len("".join(cells)) < 4 * len(cells) and not _differ(cells)
-    remarks = "" in cells and any(TIMES & {*split_words(n[cells.index("")])} for n in names)
+    short = len("".join(cells)) < 4 * len(cells) or len({*cells}) == 1 < len(cells)
+    below = [n for n, cell in enumerate(cells) if not cell or plain_unit(cell) in UNITS]
+    remarks = any(TIMES & {*split_words(line[n])} for line in names for n in below)
+    types = bool(names) and short and not _differ(cells)
     return types or remarks or not (known or any(c and not UNIT.fullmatch(c) for c in cells))
 
 
@@ -255,19 +274,20 @@ def stated_rate(lines: Sequence[str]) -> float | None:
 
 def _stated(how: re.Pattern[str], line: str) -> float | None:
     """Return the rate in Hz that a line states as a rate or as a period."""
-    found = how.search(line)
+    found = how.search(f" {line}")
     value = _amount(found["value"]) if found else None
     if found is None or not value:
         return None
     unit = (found["unit"] or found["before"] or "").replace("µ", "μ").casefold()
-    if how is PERIOD:
-        if not unit and re.match(r" ?[^\W\d_]", line[found.end("value") :]):
+    if how is PERIOD or unit in UNITS:  # Sample rate: 10 ms
+        if not unit and re.match(r" ?[^\W\d_]", found.string[found.end("value") :]):
             return None  # delta x: 0.1 mm
         return 1 / (value * seconds) if (seconds := UNITS.get(unit or "s")) else None
-    if FULL_SCALE.fullmatch(unit or re.findall(r"^\w*", line[found.end() :])[0]):
+    if FULL_SCALE.fullmatch(unit or re.findall(r"^\w*", found.string[found.end() :])[0]):
         return None  # FS: 4 g
     grouped = value < MIN_RATE and POINTS.fullmatch(found["value"])  # 1.000 Hz in Germany
-    return value * (1000 if grouped or unit.startswith("k") else 1)
+    large = 1e6 if re.match("mhz|ms", unit) else 1
+    return value * (1000 if grouped or unit.startswith("k") else large)
 
 
 def _amount(text: str) -> float | None:
@@ -275,7 +295,7 @@ def _amount(text: str) -> float | None:
     decimal, group = (".", ",") if THOUSANDS.fullmatch(text) else decimal_mark([[text]])
     plain = text.replace(group or " ", "").replace(decimal, ".")
     first, _, rest = text.partition(",")
-    for each in (plain, first) if first != rest else (first,):  # of several columns
+    for each in (plain, first) if {first} != {*rest.split(",")} else (first,):  # of columns
         try:
             return float(each)
         except ValueError:

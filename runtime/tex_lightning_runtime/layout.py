@@ -49,6 +49,7 @@ SAMPLE, SHOWN = 40, 400  # lines that the dialect is found in, letters of each
 SEPARATORS = [",", ";", "\t", "|", " "]
 SEP = re.compile(rb'"?sep=(.)"?[ \t]*\n', re.IGNORECASE)  # of Excel
 UNIT_BEHIND = re.compile(rf"(?<=\d) +(?:{UNIT.pattern})(?=[ ]*(?:[,;\t|]|$))")  # of a number
+EMPTY = re.compile(rb"\n\n+")  # lines
 ZERO_FIRST = re.compile(r"[-+]?0\d+|[-+]0")
 
 
@@ -224,7 +225,11 @@ def _with_heading(
     above = [line for line in head[:start] if line.strip("-+=|,;: \t")]  # and no line between
     notes: list[str] = []
     above = with_statements(above, dialect, columns.count)
-    heading, rate = ([names], None) if names else read_heading(above, dialect, columns, notes)
+    pairs = columns.count > 2 and [len(dialect.cells(line)) for line in above[-3:]] == [2, 2, 2]
+    listed = pairs and not head[start - 1].strip()
+    heading, rate = [names], None
+    if not names:
+        heading, rate = read_heading(above, dialect, columns, notes, listed=listed)
     left = head[start : start + SAMPLE] if columns.empty else []  # of the numbers
     below_titles = (f"{a} {b}" for a, b in pairwise(above) if a.rstrip().endswith(":"))
     rate = rate or stated_rate([*above, *left, *below_titles])
@@ -248,6 +253,9 @@ def _with_heading(
         [cell for cell in column if kind(cell) == "number"]
         for column in zip(*columns.rows, strict=True)
     )
+    if 0 < len(empty := EMPTY.findall(data)) < FOOTER:
+        told = "lines stand between the numbers, which are read as one recording"
+        below.append(f"{len(empty)} empty {told}")
     named, units = names_and_units(heading)
     return without_comments(data), Layout(
         dialect, decimal=decimal, thousands=thousands, names=named, units=units, rate=rate,

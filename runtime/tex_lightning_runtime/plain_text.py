@@ -31,7 +31,8 @@ COMMENT = re.compile(  # and none of #N/A, #DIV/0!, #VALUE!, which a sheet has i
     rb"(?m)^[ \t]*(?:#(?!N/A|NV\b|[A-Z\x80-\xff/0]+[!?])|%|//).*(?:\n|\Z)"
 )
 BROKEN = re.compile(rb'(?<![^\n,;\t])"([^"\n]{0,80}(?:\n[^"\n]{0,80}){1,3})"(?=[,;\t\n])')  # names
-PLAIN = {"\u2212": b"-", **dict.fromkeys("\u200b\u200e\ufeff", b"")}  # which have no width
+# Signs of typography for minus, and letters without width.
+PLAIN = {**dict.fromkeys("\u2212\u2013", b"-"), **dict.fromkeys("\u200b\u200e\ufeff", b"")}
 ARROW = re.compile(  # of monitors of serial ports: 10:00:00.001 -> 0.1, or a tab before 0.1,0.2
     rb"(?m)^[ \t]*\[?((?:[\d./-]+[ T])?\d{1,2}:\d\d:\d\d(?:[.,:]\d+)?)"
     rb"(?:\][ \t]*(?:->)?|[ \t]*[-=]?>|\t(?=[-+]?\d*\.\d+,[-+]?\d*\.\d))[ \t]*"
@@ -41,7 +42,7 @@ PAIR = re.compile(  # name:number or name=number, as plotters of serial ports re
     rb"[\"']?[ \t]*[:=][ \t]*(?=[\"']?[-+]?\.?\d)"
 )
 WRAPPED = (  # rows in brackets, or in quotes around several cells
-    re.compile(rb"(?m)^[ \t]*[\[({]+[ \t]*(.*?)[ \t]*[\])}]+,?[ \t]*$"),
+    re.compile(rb"(?m)^[ \t]*(?:[\[({]+|<(?=[-+.\d]))[ \t]*(.*?)[ \t]*[\])}>]+,?[ \t]*$"),
     re.compile(rb'(?m)^"(?=[^"\n]*(?:[;\t]|\.[^"\n]*,[^"\n]*\.|[A-Za-z)],))([^"\n]*)"[ \t]*$'),
 )
 VALUE = re.compile(  # and its unit, and what else stands before the next that has a name

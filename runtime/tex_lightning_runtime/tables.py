@@ -55,6 +55,8 @@ def read_table(path: Path, channels: Channels = None, time_unit: str | None = No
     pandas = _library()
     content, layout = find_layout(read_plain(path))
     frame, notes = _parse(pandas, content, layout), layout.notes
+    if layout.names and {*frame.iloc[0].dropna()} == {len(frame) - 1}:  # the number of samples
+        frame = frame[1:].reset_index(drop=True)
     rows, count = frame.shape
     if layout.names is None and 0 <= (layout.count or 0) - frame.size < count > 1:
         raise TableError(f"has {layout.count} samples in lines of {count}; write one sample a line")

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 UNITS: dict[str, float] = {  # in seconds
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds", "sekunden"), 1.0),
+    **dict.fromkeys(("sek", "secondes", "secondi", "segundos"), 1.0),
     **dict.fromkeys(("ms", "msec", "msecs", "millis", "millisec", "millisecond"), 1e-3),
     **dict.fromkeys(("milliseconds", "millisekunden"), 1e-3),
     **dict.fromkeys(("us", "\u03bcs", "usec", "usecs", "micros", "microsec"), 1e-6),
@@ -50,7 +51,7 @@ CLOCK = r"\d{1,4}:\d{1,2}(?::\d{1,2})?(?:[.,:]\d+)?"
 DOTTED = r"(?<=\d[T\s])(\d{1,2})\.(\d\d)\.(?=\d\d)"  # behind a date, in Denmark and Finland
 ZONE = r"(?:\s*(?:[AaPp]\.?[Mm]\.?|Z|UTC|GMT|[-+]\d{2}(?::?\d{2})?|\[[\w/+-]+\]))*"
 STAMP = re.compile(
-    rf"(?:{DATE}(?:[T\s,]\s*(?:{CLOCK}|{DOTTED}\d\d(?:[.,]\d+)?){ZONE})?|(?:{DAYS}\s+)?{CLOCK}{ZONE}(?:\s+{DATE})?)"
+    rf"(?:\d{{8}}T\d{{6}}(?:[.,]\d+)?{ZONE}|{DATE}(?:[T\s,]\s*(?:{CLOCK}|{DOTTED}\d\d(?:[.,]\d+)?){ZONE})?|(?:{DAYS}\s+)?{CLOCK}{ZONE}(?:\s+{DATE})?)"
 )
 MARKS = r"(?<=:\d\d),(?=\d)|(?<=:\d\d:\d\d):(?=\d)"  # of fractions: 10:00:00,500
 ONLY_DATE = re.compile(DATE)
@@ -82,7 +83,7 @@ def stamp_seconds(stamps: "pd.Series[str]") -> Array:
         text = text.str.replace(DOTTED, r"\1:\2:", regex=True)
     if re.search(MARKS, text.iloc[0]):
         text = text.str.replace(MARKS, ".", regex=True)
-    if re.match(r"\d{4}-\d\d-\d\d", text.iloc[0]):
+    if re.match(r"\d{4}-\d\d-\d\d|\d{8}T", text.iloc[0]):
         if re.search(r"[]TC]$", text.iloc[0]):  # of names of zones
             text = text.str.replace(r"\s*(?:UTC|GMT|\[.+\])$", "", regex=True)
         moments = pd.to_datetime(text, format="ISO8601", utc=True)

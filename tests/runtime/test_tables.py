@@ -53,6 +53,9 @@ def at(scale):
 
 
 COUNTER = column(NUMBERS, "{}")
+TWICE = "".join(
+    f"{line}\n" * (1 + (n == 99)) for n, line in enumerate(table(times(), *XYZ).splitlines())
+)
 WORDS = ["walk"] * COUNT
 PHYPHOX = '"Time (s)","Acceleration x (m/s^2)","Acceleration y (m/s^2)","Acceleration z (m/s^2)"\n'
 LVM = (
@@ -129,7 +132,25 @@ READ = {
     "Abtastrate": ("Abtastrate: 2.000,0 Hz\n".replace(".", "") + table(*XYZ), RATE),
     "sample interval": ('"Sample Interval",5.00E-4,s\n' + table(*XYZ, names="x,y,z\n"), RATE),
     "period in µs": ("# sampling period: 500 µs\n" + table(*XYZ), RATE),
+    **{
+        stated: (f"{stated}\nx,y,z\n" + table(*XYZ), RATE)
+        for stated in (
+            "Sample rate: 0.002 MHz", "Sample rate: 0.002 MS/s", "Sample rate: 0.5 ms",
+            "Sampling interval (ms),0.5", "Sampling rate: 2000 s^-1", "Sampling rate (max): 2000",
+            "2000 Hz", "# a b c @2000Hz", "Created on 1/3/2026 at 2000 Hz by A", "0.5 msec/sample",
+        )
+    },
+    "a filter, which has no rate": (
+        "Created with a low pass at 50 Hz\nx,y,z\n" + table(*XYZ), None
+    ),
+    "a rate of three digits for each column": (
+        "Rate,250,250,250\nName,a,b,c\n" + table([""] * COUNT, *XYZ), 250
+    ),
     # columns that are no axes
+    "sub-frames": (
+        table(column(np.arange(COUNT) // 4, "{}"), column(np.arange(COUNT) % 4, "{}"), *XYZ,
+              names="Frame,Sub Frame,x,y,z\n"), None
+    ),
     "packet": (table(column(np.arange(COUNT) // 3, "{}"), *XYZ, names="packet,x,y,z\n"), None),
     "counter of a byte": (
         table(column(np.arange(COUNT) % 256, "{}"), *XYZ, names="PacketCounter,x,y,z\n"), None
@@ -240,6 +261,14 @@ READ = {
     "dd-mm-yyyy, points": (
         table(clock("%d-%m-%Y %H.%M.%S,%f"), *COMMAS, mark=";", names="Tidspunkt;x;y;z\n"), RATE
     ),
+    "ISO without marks": (table(clock("%Y%m%dT%H%M%S.%f"), *XYZ, names="time,x,y,z\n"), RATE),
+    "mSec": (table(times(1e3), *XYZ, names="Time_mSec,x,y,z\n"), RATE),
+    "uSec": (table(times(1e6, "{:.0f}"), *XYZ, names="TimeStamp uSec,x,y,z\n"), RATE),
+    "lines twice": (
+        "t,x,y,z\n" + "".join(f"{line}\n" * 2 for line in table(times(), *XYZ).splitlines()), RATE
+    ),
+    "a line twice": ("t,x,y,z\n" + TWICE, RATE),
+    "temps en secondes": (table(times(), *XYZ, names="Temps (secondes),x,y,z\n"), RATE),
     "names of months": (table(clock("%d-%b-%Y %H:%M:%S.%f"), *XYZ, names="Time,x,y,z\n"), RATE),
     "minutes and seconds past the hour": (
         table(clock("%M:%S.%f"), *XYZ, names="Time,x,y,z\n"), RATE
@@ -388,6 +417,42 @@ READ = {
         table(*XYZ, ["192.168.0.12"] * COUNT, ["1.2.3"] * COUNT, names="x,y,z,host,version\n"), None
     ),
     # names among other lines
+    "the number of samples below the names": (
+        "a.acq\n3 channels\nx\ng\ny\ng\nz\ng\nmsec,a,b,c,\n,240,240,240,\n"
+        + table(times(1e3), *XYZ, end=",\n"), RATE
+    ),
+    "the number of samples below the names, no times": (
+        "0.5 msec/sample\na\tb\tc\n240\t240\t240\n" + table(*XYZ, mark="\t"), RATE
+    ),
+    "units of many letters below types": (
+        table(times(1e3), *XYZ, mark="\t", names="A\tA\tA\tA\nTime\tx\ty\tz\nCAL\tCAL\tCAL\tCAL\n"
+              "mSecs\tm/(sec^2)\tm/(sec^2)\tm/(sec^2)\n"), RATE
+    ),
+    "types of many letters below units": (
+        table(times(1e3), *XYZ, names="Time,x,y,z\nms,g,g,g\nfloat64,float64,float64,float64\n"),
+        RATE
+    ),
+    "units that are not known below a time": (
+        table(times(), *XYZ, mark="\t", names="Time\ta\tb\tc\ns\tmV/V\tbar\tfoo\n"), RATE
+    ),
+    "remarks below units that all differ": (
+        table(times(), *XYZ, mark="\t", names="Time\ta\tb\tc\ns\tN\tV\tg\n\tleft\tup\tin\n"),
+        RATE
+    ),
+    "rates of columns below their names": (
+        table(times(), *XYZ, names="t (s),a,b,c\n(2000.5 Hz),,,\n"), RATE
+    ),
+    "ranges in names": (table(times(), *XYZ, names="t (s),X (1.5 g),Y (1.5 g),Z (2.5 g)\n"), RATE),
+    "an index that is named below the levels": (
+        table(times(1e3), *XYZ, names="sensor,a,a,a\naxis,x,y,z\ntime_ms,,,\n"), RATE
+    ),
+    "a list of settings above an empty line": (
+        "Device,A7\nUnits,g\nMeasurement Frequency,2000 Hz\nRange,-8 to 8\nUnits,lux\n\n"
+        + table(*XYZ), RATE
+    ),
+    "a comment of as many words and signs as names": (
+        "% Third = label\n" + table(*XYZ, mark=", "), None
+    ),
     "types and units below the names": (
         table(clock("%Y-%m-%d %H:%M:%S.%f"), COUNTER, *XYZ, names="TOA,B,C,D\nTIMESTAMP,RECORD,x,"
               'y,z\nTS,RN,g,g,g\n"","",Smp,Smp,Smp\n'), RATE
@@ -426,6 +491,7 @@ READ = {
     "rows in brackets": (
         "".join(f"({a}, {b}, {c})\n" for a, b, c in zip(*XYZ, strict=True)), None
     ),
+    "rows between signs": (table([f"<{x}" for x in X], Y, Z, end=">\n"), None),
     "rows in brackets, blanks": (
         "".join(f"[ {a} {b} {c}]\n" for a, b, c in zip(*XYZ, strict=True)), None
     ),
@@ -530,6 +596,9 @@ READ = {
                          for a, b, c in zip(*XYZ, strict=True)) + "]\n", None
     ),
     # numbers
+    "dashes as minus": (
+        table(*([c.replace("-", "\u2013") for c in each] for each in XYZ), names="x,y,z\n"), None
+    ),
     "minus of typography": (
         table(*([c.replace("-", "\u2212") for c in each] for each in XYZ), names="x,y,z\n"), None
     ),
@@ -612,6 +681,25 @@ def test_units_below_names_may_begin_with_a_capital_letter(tmp_path):
     assert read_table(write(tmp_path, text))[2].axes == ("a", "b", "c")
     text = table(times(), *XYZ, mark="\t", names="Time\ta\tb\tc\ns\tN\tNm\tN·m\n")
     assert read_table(write(tmp_path, text))[2].axes == ("a", "b", "c")
+
+
+def test_what_looks_like_a_mark_of_missing_numbers_may_be_measured(tmp_path):
+    for cells in (["999", *["0"] * (COUNT - 1)], ["999"] * COUNT, ["999", *["400"] * (COUNT - 1)]):
+        samples = read_table(write(tmp_path, table(X, cells, names="x,code\n")))[0]
+        np.testing.assert_allclose(samples[1], [*map(float, cells)])
+
+
+def test_few_counts_that_rest_within_a_coarse_time_are_all_kept(tmp_path):
+    cells = column(np.round(AXES[0]), "{:.0f}")
+    coarse = column(np.array(NUMBERS) // 24 * 12, "{}")
+    samples, _, _ = read_table(write(tmp_path, table(coarse, cells, names="time_ms,x\n")))
+    assert samples.shape == (1, COUNT)
+
+
+def test_counts_are_no_counter_of_sub_frames(tmp_path):
+    cells = column(RNG.poisson(4, COUNT), "{}")
+    samples = read_table(write(tmp_path, table(cells, X, names="count,x\n")))[0]
+    np.testing.assert_allclose(samples, [[*map(float, cells)], AXES[0]])
 
 
 def test_numbers_above_a_table_are_left_out_with_a_note(tmp_path):
@@ -702,6 +790,12 @@ REFUSED = {
     "a long line": (ROWS.replace(X[50], f"{X[50]},1"), "has 4 columns in line 51 and 3 before"),
     "NaN": (ROWS.replace(X[7], "NaN"), "no number in the column '1' at sample 7"),
     "an empty cell": (table(*XYZ, names="x,y,z\n").replace(Y[7], ""), "column 'y' at sample 7"),
+    "-9999": (
+        ROWS.replace(X[7], "-9999.0"), "-9999 in place of a number in the column '1' at sample 7"
+    ),
+    "a unit of several": (
+        table(times(1e4, "{:.0f}"), X, names="time_100us,x\n"), "'time_100us', whose unit has a num"
+    ),
     "NULL": (ROWS.replace(Y[7], "NULL"), "column '2' at sample 7"),
     "-": (ROWS.replace(Y[7], "-"), "column '2' at sample 7"),
     "a word": (ROWS.replace(Y[7], "OVERFLOW"), "has 'OVERFLOW' at sample 7 in the column '2'"),
@@ -917,6 +1011,10 @@ TOLD = {
         "Devices\n1000\n,Acc,\nFrame,x,y\n" + table(COUNTER, X, Y),
         "'1000' stands alone above the names; if it is the rate, give data.file_rate=1000",
     ),
+    "an empty line": (
+        f"{ROWS}\n{ROWS}", "1 empty lines stand between the numbers, which are read as one"
+    ),
+    "lines that repeat": ("t,x,y,z\n" + TWICE, "1 lines that repeat the one before are left out"),
     "a line with text and a number as below": (
         "boot,440\n" + table(column(np.array(NUMBERS) * 7 % 99, "{}"), column(
             np.array(NUMBERS) % 97 + 400, "{}")),
