@@ -192,8 +192,9 @@ def _are_units(heading: list[list[str]], known: bool) -> bool:
     """Return whether the last line holds units, or types such as f8 or remarks, below names."""
     cells, names = heading[0], [line for line in heading[1:] if all(line) and _differ(line)]
     short = len("".join(cells)) < 4 * len(cells) or len({*cells}) == 1 < len(cells)
-    below = [n for n, cell in enumerate(cells) if not cell or plain_unit(cell) in UNITS]
-    remarks = any(TIMES & {*split_words(line[n])} for line in names for n in below)
+    pairs = (each for line in names for each in zip(line, cells, strict=False))
+    below = [name for name, cell in pairs if not cell or plain_unit(cell) in UNITS]
+    remarks = any(TIMES & {*split_words(name)} for name in below)
     types = bool(names) and short and not _differ(cells)
     return types or remarks or not (known or any(c and not UNIT.fullmatch(c) for c in cells))
 

@@ -240,11 +240,12 @@ def _with_heading(
         notes.append(f"an incomplete line of numbers is left out: {above[-1].strip()[:40]!r}")
     notes += rate_doubts(above, columns.rows, rate)
     first = dialect.cells(head[start])
-    if not heading and is_numbering(first, columns.rows):
+    titled = heading and (names or len(dialect.cells(above[-1])) == columns.count)  # or prose is
+    if not titled and is_numbering(first, columns.rows):
         heading, start = [first], start + 1
-    elif not heading and is_beginning(first, columns.rows):  # and a rate below, as Empatica has
+    elif not titled and is_beginning(first, columns.rows):  # and a rate below, as Empatica has
         second = stated_rate(["fs=" + dialect.cells(head[start + 1])[0]])
-        rate, start = second, start + 2
+        heading, rate, start = [], second, start + 2
     elif not heading and is_beyond(first, columns.rows):
         rate, start = lone_rate(first[0], columns.rows, notes), start + 1
     place = len("\n".join(head[:start]).encode()) + (start > 0)

@@ -446,6 +446,12 @@ READ = {
     "an index that is named below the levels": (
         table(times(1e3), *XYZ, names="sensor,a,a,a\naxis,x,y,z\ntime_ms,,,\n"), RATE
     ),
+    "columns numbered below a title of as many words": (
+        "Recording of Monday\n" + table(*XYZ, names="0,1,2\n"), None
+    ),
+    "separators at the ends below a remark of as many words": (
+        "# By A B\n" + table(*XYZ, end=",\n", names="x,y,z,\n"), None
+    ),
     "a list of settings above an empty line": (
         "Device,A7\nUnits,g\nMeasurement Frequency,2000 Hz\nRange,-8 to 8\nUnits,lux\n\n"
         + table(*XYZ), RATE
