@@ -482,3 +482,9 @@ def test_a_class_of_ones_own_is_a_model(strokes, tmp_path):
     assert model.predictor_.card.senses["haptic"]["features"]["thresholds"] == 3
     assert (model.predict(strokes[0]) == strokes[1]).all()
     assert len(CLASSES) == 3
+
+
+def test_an_empty_label_is_told_of_y_not_of_a_file(strokes):
+    x, y = strokes
+    with pytest.raises(ValueError, match=r"^y holds an empty label; give every sample one\.$"):
+        tl.Estimator(rate=SLOW_RATE).fit(x, [" ", *y[1:]])

@@ -86,8 +86,22 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(group):
         (["task=crossval", "crossval.only=0,1"], "Ambiguous value for argument"),
         (["task=crossval", "crossval.only=3"], "only=3 cannot be used; give a list, as in [A,B]."),
         (["data.folds=-1"], "Error: data.folds is -1: give a number in [2, 100000]."),
+        (
+            ["data.file_rate=-1"],
+            "Error: data.file_rate is -1: give a number in [20, 200000] Hz or null.",
+        ),
+        (["seed=abc"], "Error: seed=abc cannot be used; give a whole number."),
+        (["decision.unknown=yes"], "decision.unknown=yes cannot be used; give a number."),
+        (["data.half_scale=half"], "data.half_scale=half cannot be used; give true or false."),
+        (["decision.rule={a: 1}"], "cannot be used; give text."),
+        (["logger=7"], "an option is a name, or left out by ~GROUP, as in ~logger"),
+        (["--config-path=conf"], "The package has its own config.yaml, which cannot be replaced;"),
+        (
+            ["--config-dir=.", "--config-name", "config"],
+            "give one of another name by --config-dir=DIR",
+        ),
         (["decision=max"], "does not exist; choose one of max_vote, sequential."),
-        (["logger=null"], "an option takes no null, leave it out by ~GROUP, as in ~logger"),
+        (["logger=null"], "an option is a name, or left out by ~GROUP, as in ~logger"),
         (["~model.haptic.fit.schedule"], "cannot be used; it cannot be taken away, give another"),
         (
             ["export.out=${data.nmae}"],

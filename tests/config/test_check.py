@@ -34,7 +34,10 @@ def check(*overrides: str, senses: str = "force") -> None:
         ("+model.force.netwrk.channels=4", r"\(did you mean model\.force\.network\?\)"),
         ("+model.force.widht=4", "no key model.force.widht"),
         ("model.force.fit.epochs=-1", r"model\.force\.fit\.epochs is -1: give a number in \[0"),
-        ("model.force.fit.epochs=few", r"model\.force\.fit\.epochs cannot be used: Value 'few'"),
+        (
+            "model.force.fit.epochs=few",
+            r"model\.force\.fit\.epochs cannot be used: give a whole number; c",
+        ),
         ("~model.force._target_", "model.force names no class, which is no sense: begin its file"),
         ("~model.force.features", r"model.force.features names no class: give \{_target_: MODULE"),
         ("+model.sense=[force]", r"no key model\.sense \(did you mean model\.senses\?\)"),

@@ -3,8 +3,10 @@
 import shutil
 
 import pytest
+from omegaconf import OmegaConf
 
 from tex_lightning.config import CONF
+from tex_lightning.config.check import read_config
 from tex_lightning.config.composition import current_job, run_composed
 from tex_lightning.config.mistakes import check_choices
 from tex_lightning.config.user_folders import use_config_dir, user_folders, with_own_senses
@@ -90,3 +92,11 @@ def test_overrides_are_kept_as_they_were_typed_without_those_of_the_package(give
     typed = ["model.force.hop=${..modality}", "seed=${data.folds}"]
     job = run_composed(lambda _: current_job(), [given, *typed, f"hydra.run.dir={tmp_path}/run"])
     assert job.overrides == (*typed,)
+
+
+def test_a_primary_file_begins_with_the_packages(cli, tmp_path):
+    given = [f"--config-dir={tmp_path}", "--config-name=mine", "--cfg=job"]
+    (tmp_path / "mine.yaml").write_text("defaults: [config, _self_]\nseed: 17\n")
+    assert "\nseed: 17\n" in cli(*given).out
+    with pytest.raises(UserError, match=r"put defaults: \[config, _self_\] in front"):
+        read_config(OmegaConf.create({"seed": 17}))

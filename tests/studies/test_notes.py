@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from tex_lightning.data.recordings import Recording, Recordings
-from tex_lightning.studies.notes import other_axes, other_cameras, other_units
+from tex_lightning.studies.notes import other_axes, other_cameras, other_units, silent
 
 
 @pytest.mark.parametrize(
@@ -53,6 +53,21 @@ def check(notes, told):
 def test_classes_in_another_unit_are_told(levels, told):
     level = recordings("haptic", levels)
     check(other_units(Recordings(tuple(level)), SimpleNamespace(level=level.get)), told)
+
+
+@pytest.mark.parametrize(
+    ("levels", "told"),
+    [
+        ({"oak": [0.1, 1e-9], "elm": [0.02]}, ""),
+        (
+            {"oak": [0.1, 0.3], "elm": [0.02, 0.0, 0.0]},
+            "2 of 5 traces never change, the first of them 0.0 of elm",
+        ),
+    ],
+)
+def test_sensors_that_were_not_connected_are_told(levels, told):
+    level = recordings("haptic", levels)
+    check(silent(Recordings(tuple(level)), SimpleNamespace(level=level.get)), told)
 
 
 @pytest.mark.parametrize(

@@ -54,6 +54,11 @@ def read_config(composed: DictConfig) -> Config:
     if shadow := next(_shadows(composed), None):
         raise unknown_key(shadow, composed)
     config: Config = OmegaConf.to_object(composed)  # type: ignore[assignment]
+    if not isinstance(config, Config):  # of a file that --config-name gives in its place
+        raise UserError(
+            "The configuration file of --config-name does not begin with that of the package: put "
+            "defaults: [config, _self_] in front."
+        )
     model = config.model
     for name, node in vars(model).items():
         is_sense = isinstance(node, dict) and (TARGET in node or name in model.senses)
@@ -164,8 +169,9 @@ def _values(section: Any, prefix: str = "") -> Iterator[str]:  # noqa: ANN401
 
 def _parts(config: Config) -> Iterator[str]:
     """Yield a complaint for each value that a class which the configuration names does not take."""
-    model = config.model
-    yield from node_complaints("data.reader", config.data.reader)
+    model, data = config.model, config.data
+    told = [key for key, x in vars(data).items() if any(misfits("data", type(data), {key: x}))]
+    yield from node_complaints("data.reader", data.reader)
     yield from node_complaints("model.baseline", model.baseline)
     for name in model.known:
         section, where = model.sense(name), f"model.{name}"
@@ -174,7 +180,8 @@ def _parts(config: Config) -> Iterator[str]:
             for part in ("features", "network"):
                 if not is_node(section.node[part]):
                     yield f"{where}.{part} names no class: give {{_target_: MODULE.CLASS}}"
-            given = {key: value for key, value in section.decode.items() if value is not None}
+            decode = section.decode.items()
+            given = {key: x for key, x in decode if x is not None and key not in told}
             yield from node_complaints(f"{where}.decode", {TARGET: section.decoder, **given})
             for part, node in section.node.items():
                 yield from node_complaints(f"{where}.{part}", node)

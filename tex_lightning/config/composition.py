@@ -152,7 +152,8 @@ def split_flags(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
     Hydra wants the one before the other.
 
     Raises:
-        UserError: If Hydra does not know a flag, or it lacks its value.
+        UserError: If Hydra does not know a flag, it lacks its value, or it would take the place of
+            the package's configuration.
     """
 
     def refuse(message: str) -> NoReturn:
@@ -163,5 +164,12 @@ def split_flags(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
 
     parser = get_args_parser()
     parser.error = refuse  # type: ignore[method-assign]
-    overrides = parser.parse_intermixed_args(arguments).overrides
+    given = parser.parse_intermixed_args(arguments)
+    if given.config_path or (given.config_dir and given.config_name in ("config", "config.yaml")):
+        raise UserError(
+            "The package has its own config.yaml, which cannot be replaced; give one of another "
+            "name by --config-dir=DIR --config-name=NAME, and begin it with defaults: [config, "
+            "_self_]. The overrides of a run stand in its .hydra/overrides.yaml."
+        )
+    overrides = given.overrides
     return [item for item in arguments if item not in overrides], overrides

@@ -39,10 +39,14 @@ EXTRAS = {  # of this package, by the option of hydra/launcher or hydra/sweeper 
 WORDS = {  # of Hydra and OmegaConf, and ours
     "^field '.*' is not Optional$": "it takes no null, give a value",
     ".*is not a ListConfig, list or tuple.*": "give a list, as in [A,B]",
+    "^Value .* could not be converted to Float$": "give a number",
+    "^Value .* could not be converted to Integer$": "give a whole number",
+    "^Value .* is not a valid bool .*": "give true or false",
+    "^Cannot convert .* to string: .*": "give text",
     ".*does not support deletion$": "it cannot be taken away, give another value",
     "^Cannot merge DictConfig with ListConfig$": "one of names and values, and a list, is given",
-    "^Config group override must be a string or a list.*": "an option takes no null, leave it out "
-    "by ~GROUP, as in ~logger",
+    "^Config group override must be a string or a list.*": "an option is a name, or left out by "
+    "~GROUP, as in ~logger",
 }
 NO_TRIAL = "No trials are completed yet."  # of Optuna, where all of them failed
 MANY = 4  # keys that a wrong one may stand for

@@ -24,7 +24,7 @@ def recording_notes(dataset: Dataset) -> list[str]:
     notes: list[str] = []
     for modality, decoder in dataset.store.decoders.items():
         rows = dataset.recordings.of(modality)
-        of_signals = rate_warnings, assumed_rate, other_axes, other_units, reading_notes
+        of_signals = rate_warnings, assumed_rate, other_axes, silent, other_units, reading_notes
         looks = of_signals if isinstance(decoder, SignalDecoder) else (other_cameras,)
         for notes_on in looks if len(rows) else ():
             notes += notes_on(rows, dataset.store)
@@ -75,6 +75,17 @@ def other_axes(signals: Recordings, store: Store) -> list[str]:
         "have by data.channels, or leave it out."
         for axes, labels in odd.items()
         if labels
+    ]
+
+
+def silent(signals: Recordings, store: Store) -> list[str]:
+    """Warn of signals that never change, as of a sensor that was not connected."""
+    rows = [row for row in signals if store.level(row) == 0]
+    if not rows:
+        return []
+    return [
+        f"{len(rows)} of {len(signals)} {plural(rows[0].modality)} never change, the first of them "
+        f"{rows[0].path.name} of {rows[0].label}: repair the recordings or take them out."
     ]
 
 

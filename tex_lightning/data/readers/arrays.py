@@ -144,6 +144,8 @@ def labels_of(y: Any, least: int = 2) -> tuple[Array, list[str]]:  # noqa: ANN40
         raise InvalidInput(
             f"{found}, and telling classes apart takes two; give recordings of another."
         )
+    if "" in by_name(classes):
+        raise InvalidInput("y holds an empty label; give every sample one.")
     if len(by_name(classes)) < len(classes):
         raise InvalidInput(
             f"Of the labels {listed([*map(str, classes)])} some are one name; give other ones."
