@@ -208,7 +208,7 @@ class Column:
         cells = [str(cell) for cell in self.values.iloc[:SEEN].dropna()]
         if len(cells) < USUAL * min(SEEN, len(self.values)):
             return ""
-        numbers = [cell for cell in cells if re.search(r"\d[.,]\d|^\[\d+\]$", cell)]
+        numbers = [cell for cell in cells if re.search(r"\d[.,]\d|^\[\d+\]$|[]:>] ?-?\d+$", cell)]
         return numbers[0] if len({*numbers}) > 0.5 * len(cells) else ""
 
     def _is_whole(self) -> bool:

@@ -9,21 +9,22 @@ from tex_lightning_runtime.column import TIMES, UNNAMED, plain_unit, split_words
 from tex_lightning_runtime.resampling import MAX_RATE, MIN_RATE
 from tex_lightning_runtime.times import EPOCH, NOMINAL, UNITS, TableError
 
-FOOTER = 10  # lines below the numbers
+FOOTER, LONGEST = 10, 50  # lines below the numbers: told one by one, and at most
 FACTOR = re.compile(r"\d(?:\.\d+)?e[-+]?\d+ \*", re.IGNORECASE)  # of MATLAB
 DIVIDED = re.compile(r"\b(?:decimat|downsampl)\w*\W+(?:[2-9]|\d\d)", re.IGNORECASE)
 FULL_SCALE = re.compile(r"m?g|[mk]?[vn]|pa|dps", re.IGNORECASE)
 ROUND = 25  # Hz, of which a rate that nothing calls so is a multiple
 COMMENT = re.compile(r"^[ \t]*(?:#|%|//)[#%/ \t]*")
 AMOUNT = r"[\"']?[ \t:=,;@]+[\"']?\+?(?P<value>\.?\d[\d.,]*(?:e[-+]?\d+)?)[\"']?[ \t,;(]*"
-SAMPLING = r"(?:samp\w*|update|output(?:[ _-]data)?|acquisition|meas\w*|scan|log\w*)"
-HERTZ = "[km]?hz|[km]?s/s|[km]?sps|fps"
+SAMPLING = r"(?:samp\w*|update|output(?:[ _-]data)?|acq\w*|meas\w*|scan|log\w*)"
+HERTZ = "[km]?hz|[km]?s/s|[km]?sps|fps|(?:samples ?)?(?:/|per )min"
 SECONDS = rf"(?:µs|{'|'.join(UNITS)})\b"
 IN_HERTZ = rf"(?=\W*\d[\d.,]* *(?:{HERTZ}))"
 KNOWN = rf"{HERTZ}|{SECONDS}(?![-^⁻])"  # s^-1
 OF_UNIT = rf"(?:(?:[ ]*[(\[]|_(?=k?hz))(?P<before>\w+/?\w*)[)\]]?)?{AMOUNT}(?P<unit>{KNOWN})?"
 RATE = re.compile(
-    rf"(?:\bf_?s|\bodr|(?<!max[ .])(?<!imum )\b{SAMPLING}[ _-]?(?:rate|freq\w*)"
+    rf"(?:\bf_?s(?:amp\w*)?|\bodr|(?:\b|_)s(?:rate|freq|r(?= ?[(\[_]k?hz)|r{IN_HERTZ})"
+    rf"|(?<!max[ .])(?<!imum )\b{SAMPLING}(?:\. ?|[ _-])?(?:rate|freq\w*\.?)"
     r"|\b(?:abtast|mess)(?:rate|frequenz)|^\W*(?:rate|frequency)|\bsamples[ _]?(?:per |/)s\w*"
     r"|fr[eé][cq]u\w*\W+\w+\W+(?:échantillonnage|muestreo|campionamento|amostragem)"
     rf"|\b(?:samples|sampled|recorded|logged|created)\b(?:(?!pass|filter|cut).)* at{IN_HERTZ}"
@@ -31,12 +32,13 @@ RATE = re.compile(
     re.IGNORECASE,
 )
 OTHER_RATE = re.compile(  # which may be that of a camera or a radio beside the sensor
-    rf"\b(?:sampling|(?:data|daq|frame|capture) ?rate){IN_HERTZ}{OF_UNIT}", re.IGNORECASE
+    rf"\b(?:sampling|(?:data|daq|frame|capture|sensor|polling)[ _]?rate){IN_HERTZ}{OF_UNIT}",
+    re.IGNORECASE,
 )
 PERIOD = re.compile(
     rf"(?:\bsampl\w*[ _-]?(?:period|time)|\b{SAMPLING}[ _-]?interval|(?:\bdelta[ _]?|[Δ∆])[xt]|\bdt"
-    r"|\babtast(?:intervall|zeit|periode)|\bperiod(?=_)|\bts(?= *=)|^\W*in(?:crement|terval)"
-    r"|(?= \d[\d.,]* *[mun]?s\w*/(?:sample|point|pt))"
+    r"|\babtast(?:intervall|zeit|periode)|\bperiod(?=_)|^\W*in(?:crement|terval)"
+    r"|\bts(?= *(?:[=(\[]|: *[\d.]+ *[mun]?s\b))|(?= \d[\d.,]* *[mun]?s\w*/(?:sample|point|pt))"
     r"|\b(?:[hxt]_?|x-axis |time |waveform )(?:inc\w*|delta|interval|step|resolution))"
     rf"(?:(?:[ ]*[(\[]|_(?=[mun]?s\b))(?P<before>[µμ\w]+)[)\]]?)?{AMOUNT}"
     rf"(?P<unit>{SECONDS})?",
@@ -51,6 +53,8 @@ UNIT = re.compile(  # in a row of units
     rf"|(?i:{'|'.join(unit for unit in UNITS if len(unit) > 1)})",
 )
 UNNUMBERED = re.compile(rf"{UNNAMED.pattern}|[(\[].*?[)\]]")  # X (1.5 g)
+FRACTION = re.compile(r"\b\d+[.,]\d+")
+JSON_NAMES = re.compile(r'"columns?": *\[(.*?)\]')  # as OpenSignals has them
 STATEMENT = re.compile(r"[^=]+=\s*[-+]?[\d.].*")  # between names
 
 
@@ -83,12 +87,15 @@ def read_heading(
 def _are_names(cells: Sequence[str], columns: Kinds) -> bool:
     """Return whether cells are as many as columns, some of them text and none a measurement."""
     kinds = [*map(kind, cells)]
+    plain = [UNNUMBERED.sub("", cell.casefold()) for cell in cells]
+    titles = [FRACTION.sub("", each) for each in plain if FRACTION.search(each)]
+    numbered = len(titles) > 1 and {*titles} == {titles[0] or None}  # ch 1.1, ch 1.2
     return (
         len(cells) in (columns.count, len(columns.kinds))
         and not _are_settings(cells)
         and "text" in kinds
         and "stamp" not in kinds
-        and not any(re.search(r"\b\d+[.,]\d", UNNUMBERED.sub("", c.casefold())) for c in cells)
+        and (not titles or numbered)
         and not _are_values(cells, columns)
     )
 
@@ -124,7 +131,7 @@ def _read_other(
         return None  # which is read with the other lines above
     if sum(numbers) > 0.5 * len(cells) or (any(numbers) and len(cells) == columns.count):
         notes.append(f"an incomplete line of numbers is left out: {line.strip()[:40]!r}")
-    elif listed:
+    elif listed or (1 < len(cells) < columns.count / 2 and " " in cells[0] and not any(numbers)):
         notes.append(f"a line without names is left out: {line.strip()[:40]!r}")
     elif len(cells) > 1 and not any(numbers):
         raise mismatch(len(cells), columns.count)
@@ -147,10 +154,10 @@ def with_statements(above: list[str], dialect: Dialect, count: int) -> list[str]
 
 def _as_many(line: str, dialect: Dialect, columns: Kinds) -> list[str]:
     """Divide a line of names, which may be divided otherwise than the numbers."""
-    best: list[str] = []
+    best = [name for names in JSON_NAMES.findall(line) for name in re.findall('"(.*?)"', names)]
     count = columns.count
-    if count == 1:  # a blank may stand in a name, and a unit behind a comma
-        return [part for part in re.split(r"[;\t]|,(?! )", line.strip()) if part]
+    if best or count == 1:  # a blank may stand in a name, and a unit behind a comma
+        return best or [part for part in re.split(r"[;\t]|,(?! )", line.strip()) if part]
     for separator in (dialect.separator, "  ", ",", ";", "\t", " "):
         whole = re.sub(r" (?=[(\[])", "", line) if separator == " " else line  # t [s] x [g]
         cells = Dialect(separator, dialect.quote).cells(whole)
@@ -287,7 +294,7 @@ def _stated(how: re.Pattern[str], line: str) -> float | None:
     if FULL_SCALE.fullmatch(unit or re.findall(r"^\w*", found.string[found.end() :])[0]):
         return None  # FS: 4 g
     grouped = value < MIN_RATE and POINTS.fullmatch(found["value"])  # 1.000 Hz in Germany
-    large = 1e6 if re.match("mhz|ms", unit) else 1
+    large = 1e6 if re.match("mhz|ms", unit) else 1 / 60 if unit.endswith("min") else 1
     return value * (1000 if grouped or unit.startswith("k") else large)
 
 
@@ -306,24 +313,30 @@ def _amount(text: str) -> float | None:
 
 def without_footer(content: bytes, dialect: Dialect, columns: Kinds) -> tuple[bytes, list[str]]:
     """Drop lines below the numbers, and a last one that is not whole."""
-    notes: list[str] = []
-    for _ in range(FOOTER):
+    left: list[str] = []
+    for _ in range(LONGEST):
         whole = content.endswith(b"\n")
         content = content.rstrip(b"\n \t")
         begin = content.rfind(b"\n") + 1
         line = content[begin:].decode(errors="replace")
         cells = dialect.cells(line)
-        cut = not whole and not notes and cells and not re.search(r"[\d\w\"]$", cells[-1])
+        cut = not whole and not left and cells and not re.search(r"[\d\w\"]$", cells[-1])
         if columns.fit(cells) and not (cut and columns.kinds[len(cells) - 1] == "number"):
             break
         content = content[:begin]
         if line.strip(" \t,;") and not COMMENT.match(line):
-            notes.append(f"the last line is no whole row and is left out: {line.strip()[:40]!r}")
-    return content + b"\n", notes
+            left.append(f"{line.strip()[:40]!r}")
+    told = "the last line is no whole row and is left out: "
+    if len(left) > FOOTER:
+        left, told = left[-1:], f"{len(left)} lines below the numbers are left out, the first is "
+    return content + b"\n", [told + line for line in left]
 
 
 def mismatch(names: int, columns: int) -> TableError:
-    """Return the error for a line of more or fewer names than there are columns."""
+    """Return the error for a line of more or fewer names than columns, or with fractions."""
+    if names == columns:
+        said = "has a line above the numbers that may be names or settings: write names without"
+        return TableError(f"{said} fractions, and put # before lines that are no names")
     return TableError(
         f"has {names} names and {columns} columns; give every column a name, and put # before "
         "lines that are no names"

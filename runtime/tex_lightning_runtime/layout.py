@@ -36,6 +36,7 @@ from tex_lightning_runtime.plain_text import (
     ARROW,
     HEAD,
     PAIR,
+    UPTIME,
     WRAPPED,
     most,
     pair_names,
@@ -49,6 +50,10 @@ SAMPLE, SHOWN = 40, 400  # lines that the dialect is found in, letters of each
 SEPARATORS = [",", ";", "\t", "|", " "]
 SEP = re.compile(rb'"?sep=(.)"?[ \t]*\n', re.IGNORECASE)  # of Excel
 UNIT_BEHIND = re.compile(rf"(?<=\d) +(?:{UNIT.pattern})(?=[ ]*(?:[,;\t|]|$))")  # of a number
+KEYS = re.compile(r"(?m)(?:^[A-Z]+(?:_[A-Z]+)+\b.*\n?){3}\Z")  # MARKER_NAMES
+BITS = re.compile(r"[01]{4,32}")
+COMMAS = re.compile(r"\s*(?:[-+]?\d+,\d+(?:e[-+]?\d+)?(?:\s+|$)){2,}", re.I)  # decimal ones
+MIXED = re.compile(r"\t.*\.\d+ +[-+]?\d*\.\d|\.\d+ +[-+]?\d*\.\d.*\t")  # blanks and tabs between
 EMPTY = re.compile(rb"\n\n+")  # lines
 ZERO_FIRST = re.compile(r"[-+]?0\d+|[-+]0")
 
@@ -131,10 +136,13 @@ def _below_titles(columns: Kinds, dialect: Dialect, head: list[str], first: int)
 
 def _undecorated(content: bytes, given: str | None) -> tuple[bytes, list[str], Dialect]:
     """Take arrows, brackets and names before numbers away, and find separator and quotes."""
+    if most(_sample(content), UPTIME.match):
+        content = UPTIME.sub(_clock, content)
     sample = _sample(content)
     arrows = most(sample, ARROW.match)
     if arrows:
-        sample = [ARROW.sub(b"", line) for line in sample]
+        content = re.sub(rb"(?m)^[ \t]*([\[\d].*[\d\"'])[\])}]+[ \t]*$", rb"\1", content)
+        sample = [ARROW.sub(b"", line) for line in _sample(content)]
     for around in WRAPPED:
         if most(sample, around.match):
             content, *sample = (around.sub(rb"\1", text) for text in (content, *sample))
@@ -146,7 +154,9 @@ def _undecorated(content: bytes, given: str | None) -> tuple[bytes, list[str], D
         content = re.sub(rb"(?<=\d)[,;](?=[ \t])", b"", content)
     if arrows:
         separator = ";" if separator == NO_SEPARATOR else separator
-        content = ARROW.sub(rb"\1" + separator.encode(), content)
+        content = ARROW.sub(
+            lambda f: f[1].replace(b",", b".") + (f[2] or b"") + separator.encode(), content
+        )
     if names:
         lines = content[:HEAD].split(b"\n")
         first = [n.encode() for n in names]
@@ -155,6 +165,11 @@ def _undecorated(content: bytes, given: str | None) -> tuple[bytes, list[str], D
         content = content[:place] + without_names(content[place:], names)
         names = ["time", *names] if arrows else names
     return content, names, Dialect(separator, quote)
+
+
+def _clock(found: re.Match[bytes]) -> bytes:
+    seconds = int(found[1]) / 1000 if found[1] else float(found[2])
+    return b"[%d:%02d:%09.6f]" % (seconds // 3600, seconds // 60 % 60, seconds % 60)
 
 
 def _sample(content: bytes) -> list[bytes]:
@@ -180,16 +195,11 @@ def _dialect(lines: list[str], given: str | None) -> tuple[str, str]:
     separator, quote = (found.delimiter, found.quotechar) if found else ("", "")
     if given:
         separator = given
-    elif separator == "," and all(_are_decimal_commas(line) for line in lines):
+    elif all(map(COMMAS.fullmatch if separator == "," else MIXED.search, lines)):
         separator = " "
     elif separator == "," and min(semicolons := {line.count(";") for line in lines}) > 0:
         separator = ";" if len(semicolons) == 1 else separator  # of 1 234,5
     return separator or NO_SEPARATOR, quote or '"'
-
-
-def _are_decimal_commas(line: str) -> bool:
-    cells = line.split()
-    return len(cells) > 1 and all(re.fullmatch(r"[-+]?\d+,\d+(e[-+]?\d+)?", c, re.I) for c in cells)
 
 
 def _undivided(columns: Kinds, head: list[str], start: int, separator: str) -> bool:
@@ -226,7 +236,7 @@ def _with_heading(
     notes: list[str] = []
     above = with_statements(above, dialect, columns.count)
     pairs = columns.count > 2 and [len(dialect.cells(line)) for line in above[-3:]] == [2, 2, 2]
-    listed = pairs and not head[start - 1].strip()
+    listed = (pairs and not head[start - 1].strip()) or bool(KEYS.search("\n".join(above)))
     heading, rate = [names], None
     if not names:
         heading, rate = read_heading(above, dialect, columns, notes, listed=listed)
@@ -248,6 +258,9 @@ def _with_heading(
         heading, rate, start = [], second, start + 2
     elif not heading and is_beyond(first, columns.rows):
         rate, start = lone_rate(first[0], columns.rows, notes), start + 1
+    for column in zip(*columns.rows, strict=True):
+        if len({*column}) > 2 and all(map(BITS.fullmatch, column)) and min(column)[0] == "0":
+            raise TableError(f"has binary numbers such as {column[0]!r}; write decimal ones")
     place = len("\n".join(head[:start]).encode()) + (start > 0)
     data, below = without_footer(content[place:], dialect, columns)
     decimal, thousands = decimal_mark(

@@ -33,10 +33,21 @@ COMMENT = re.compile(  # and none of #N/A, #DIV/0!, #VALUE!, which a sheet has i
 BROKEN = re.compile(rb'(?<![^\n,;\t])"([^"\n]{0,80}(?:\n[^"\n]{0,80}){1,3})"(?=[,;\t\n])')  # names
 # Signs of typography for minus, and letters without width.
 PLAIN = {**dict.fromkeys("\u2212\u2013", b"-"), **dict.fromkeys("\u200b\u200e\ufeff", b"")}
-ARROW = re.compile(  # of monitors of serial ports: 10:00:00.001 -> 0.1, or a tab before 0.1,0.2
-    rb"(?m)^[ \t]*\[?((?:[\d./-]+[ T])?\d{1,2}:\d\d:\d\d(?:[.,:]\d+)?)"
-    rb"(?:\][ \t]*(?:->)?|[ \t]*[-=]?>|\t(?=[-+]?\d*\.\d+,[-+]?\d*\.\d))[ \t]*"
+FRACTION = r"[-+]?\d*\.\d+"
+TAG = (  # level, module and mark of a logger; a name before the only number is none
+    r"(?: \| [A-Z]+ *\| )?"
+    r"(?:[^\d\n\t,;|=]|(?<=[a-z_:])\d+)*(?:[]>]|<-|◆|(?:INFO|DEBUG)(?=.*,)|(?<= )-(?= )"
+    r"|:(?= +(?:[^\W\d]|[\[({]|[-+.\d]+[,; \t]+[-+.\d][^:=\n]*$)))"
 )
+ARROW = re.compile(  # of monitors of serial ports, and of loggers: 10:00:00.001 -> 0.1
+    r"(?m)^[ \t]*(?:\[ *[A-Z]+\] )?\[?((?:[\d./-]+[ T])?\d{1,2}:\d\d:\d\d(?:[.,:]\d+)?"
+    r"(?:Z|[-+]\d\d:?\d\d| ?[AP]M)?|(?<=\[)\d{10}\.\d+)(?:,(\d{3})(?=\]))?"
+    rf"(?: (?={FRACTION} ?[,;\t] ?{FRACTION}|\w+=|[\[({{] ?[-+.\d\"])"
+    rf"|\t(?={FRACTION}, ?{FRACTION})|{TAG})[ \t\[({{]*".encode()
+)
+UPTIME = re.compile(
+    rb"(?m)^(?:[A-Z] \((\d+)\) (?=\S+: )|\[ *(\d{1,6}\.\d{3,})\](?=.*\d))"
+)  # in ms or s
 PAIR = re.compile(  # name:number or name=number, as plotters of serial ports read them
     rb"(?m)(?:^|(?<=[\s,;|{]))[\"']?((?:[A-Za-z]\w* )?[A-Za-z_\x80-\xff][\w.\x80-\xff/()^-]*)"
     rb"[\"']?[ \t]*[:=][ \t]*(?=[\"']?[-+]?\.?\d)"
@@ -75,9 +86,12 @@ def read_plain(path: Path) -> bytes:
     content = read_utf8(path)
     if b"\r" in content:
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    content = content.replace(b"*^", b"e")  # 1.5*^-3 of Mathematica
     if b'"' in content[:HEAD]:  # lines within a cell
         names = BROKEN.sub(lambda found: found[0].replace(b"\n", b" "), content[:HEAD])
         content = names + content[HEAD:]
+    if b"\x1b" in content:
+        content = re.sub(rb"\x1b\[[\d;]*m", b"", content)  # colours
     for letter, plain in () if content.isascii() else PLAIN.items():
         content = content.replace(letter.encode(), plain)
     return content
@@ -108,15 +122,13 @@ def _utf8(content: bytes) -> bytes:
         lines = [line for line in content[:HEAD].splitlines() if not line.isascii()]
         told = b"\n".join(lines)  # numbers would hide what the letters are
         western = {*told.decode("cp1252", "replace")} - WESTERN
-        encoding = _detected(told) if any(not each.isascii() for each in western) else "cp1252"
-        return content.decode(encoding, "replace").encode()
+        encoding = None
+        if not all(map(str.isascii, western)):
+            from chardet import detect
+
+            encoding = detect(told)["encoding"]
+        return content.decode(encoding or "cp1252", "replace").encode()
     return content
-
-
-def _detected(content: bytes) -> str:
-    from chardet import detect
-
-    return detect(content)["encoding"] or "cp1252"
 
 
 def without_comments(content: bytes) -> bytes:

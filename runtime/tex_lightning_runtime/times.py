@@ -14,21 +14,20 @@ from tex_lightning_runtime.samples import Array
 if TYPE_CHECKING:
     import pandas as pd
 
-UNITS: dict[str, float] = {  # in seconds
-    **dict.fromkeys(("s", "sec", "secs", "second", "seconds", "sekunden"), 1.0),
-    **dict.fromkeys(("sek", "secondes", "secondi", "segundos"), 1.0),
-    **dict.fromkeys(("ms", "msec", "msecs", "millis", "millisec", "millisecond"), 1e-3),
-    **dict.fromkeys(("milliseconds", "millisekunden"), 1e-3),
-    **dict.fromkeys(("us", "\u03bcs", "usec", "usecs", "micros", "microsec"), 1e-6),
-    **dict.fromkeys(("microsecond", "microseconds", "mikrosekunden"), 1e-6),
-    **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanosec", "nanosecs"), 1e-9),
-    **dict.fromkeys(("nanosecond", "nanoseconds"), 1e-9),
-    **{"milli": 1e-3, "micro": 1e-6, "nano": 1e-9},
-    **dict.fromkeys(("min", "mins", "minute", "minutes", "minuten"), 60.0),
-    **dict.fromkeys(("h", "hr", "hrs", "hour", "hours"), 3600.0),
-    **dict.fromkeys(("d", "day", "days"), 86_400.0),
-    **{"с": 1.0, "сек": 1.0, "мс": 1e-3, "мкс": 1e-6, "秒": 1.0, "毫秒": 1e-3, "微秒": 1e-6},
-    **{"초": 1.0, "밀리초": 1e-3},
+UNITS = {  # in seconds
+    name: seconds
+    for seconds, names in {
+        1.0: "s sec secs second seconds sekunden sek secondes secondi segundos с сек 秒 초",
+        1e-3: "ms msec msecs millis millisec millisecond milliseconds millisekunden milli мс 毫秒"
+        " 밀리초",
+        1e-6: "us \u03bcs usec usecs micros microsec microsecond microseconds mikrosekunden micro"
+        " мкс 微秒",
+        1e-9: "ns nsec nsecs nanos nanosec nanosecs nanosecond nanoseconds nano",
+        60.0: "min mins minute minutes minuten",
+        3600.0: "h hr hrs hour hours",
+        86_400.0: "d day days",
+    }.items()
+    for name in names.split()
 }
 EPOCH = (9e8, 4.2e9)  # seconds since 1970: 1998 to 2103
 DAY, HOUR = 86_400.0, 3600.0
@@ -54,6 +53,7 @@ STAMP = re.compile(
     rf"(?:\d{{8}}T\d{{6}}(?:[.,]\d+)?{ZONE}|{DATE}(?:[T\s,]\s*(?:{CLOCK}|{DOTTED}\d\d(?:[.,]\d+)?){ZONE})?|(?:{DAYS}\s+)?{CLOCK}{ZONE}(?:\s+{DATE})?)"
 )
 MARKS = r"(?<=:\d\d),(?=\d)|(?<=:\d\d:\d\d):(?=\d)"  # of fractions: 10:00:00,500
+SHORT = re.compile(r"(?<=:\d\d)\.(\d\d?)(?!\d)")  # milliseconds, as .5 and .15 of 5 and 15
 ONLY_DATE = re.compile(DATE)
 
 
@@ -87,8 +87,14 @@ def stamp_seconds(stamps: "pd.Series[str]") -> Array:
         if re.search(r"[]TC]$", text.iloc[0]):  # of names of zones
             text = text.str.replace(r"\s*(?:UTC|GMT|\[.+\])$", "", regex=True)
         moments = pd.to_datetime(text, format="ISO8601", utc=True)
-        return np.asarray((moments - moments.iloc[0]).dt.total_seconds(), np.float64)
-    return _clock_seconds(text)
+        seconds = np.asarray((moments - moments.iloc[0]).dt.total_seconds(), np.float64)
+    else:
+        seconds = _clock_seconds(text)
+    if (np.diff(seconds) >= 0).all():
+        return seconds
+    padded = text.str.replace(SHORT, lambda found: f".{found[1]:0>3}", regex=True)
+    whole = seconds if padded.equals(text) else stamp_seconds(padded)
+    return whole if (np.diff(whole) >= 0).all() else seconds
 
 
 def _clock_seconds(text: "pd.Series[str]") -> Array:

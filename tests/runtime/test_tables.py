@@ -601,7 +601,84 @@ READ = {
         "[" + ",\n".join(f'{{"x": {a}, "y": {b}, "z": {c}}}'
                          for a, b, c in zip(*XYZ, strict=True)) + "]\n", None
     ),
+    # lines of loggers
+    **{
+        f"logged as {before[:24]!r}": ("".join(
+            f"{moment:{before}}{a}{mark}{b}{mark}{c}\n"
+            for moment, a, b, c in zip(MOMENTS, *XYZ, strict=True)), RATE)
+        for before, mark in {
+            "%Y-%m-%d %H:%M:%S,%f - INFO - ": ",",
+            " %Y-%m-%d %H:%M:%S,%f - a.b - DEBUG - ": ", ",
+            "%Y-%m-%d %H:%M:%S,%f INFO ": ",",
+            "%Y-%m-%d %H:%M:%S.%f | INFO     | __main__:main:12 - ": ", ",
+            "[%H:%M:%S.%f] <inf> imu: ": " ",
+            "[%H:%M:%S.%f][D][imu:042]: ": ", ",
+            "%Y-%m-%dT%H:%M:%S.%f+0100 ": ", ",
+            "%Y-%m-%d %H:%M:%S.%f ": "\t",
+            "[%H:%M:%S.%f]◆": ",",
+        }.items()
+    },
+    "logged with microseconds behind a comma": (
+        "".join(f"[{t[:-3]},{t[-3:]}] <inf> imu: {a}, {b}, {c}\n"
+                for t, a, b, c in zip(clock("%H:%M:%S.%f"), *XYZ, strict=True)), RATE
+    ),
+    "logged in brackets": (
+        "".join(f"{t} - INFO - [{a}, {b}, {c}]\n"
+                for t, a, b, c in zip(clock("%H:%M:%S,%f"), *XYZ, strict=True)), RATE
+    ),
+    "logged with names": (
+        "".join(f"{t} imu: x={a}, y={b}, z={c}\n"
+                for t, a, b, c in zip(clock("%H:%M:%S.%f"), *XYZ, strict=True)), RATE
+    ),
+    "logged in colour, ms since the start": (
+        "".join(f"\x1b[0;32mI ({5 * n + 59_900}) imu: {a}, {b}, {c}\x1b[0m\n"
+                for n, a, b, c in zip(NUMBERS, *XYZ, strict=True)), 200
+    ),
+    "logged in s since the start": (
+        "".join(f"[{t:>13}] imu: {a} {b} {c}\n"
+                for t, a, b, c in zip(times(start=59.9), *XYZ, strict=True)), RATE
+    ),
+    "logged in s since 1970": (
+        "".join(f"[INFO] [{1_772_359_200 + t:.6f}] [imu]: {a}, {b}, {c}\n"
+                for t, a, b, c in zip(TIMES, *XYZ, strict=True)), RATE
+    ),
+    **{
+        f"milliseconds without their zeros, {form}": (
+            table([f"{m:{form}}{m.microsecond // 1000}" for m in (
+                BEGIN + timedelta(milliseconds=5 * n) for n in NUMBERS)], *XYZ, names="t,x,y,z\n"),
+            200
+        )
+        for form in ("%H:%M:%S.", "%H:%M:%S:", "%Y-%m-%d %H:%M:%S.")
+    },
+    # names and settings
+    "names and rate in JSON": (
+        '# {"00:07": {"sampling rate": 2000, "column": ["nSeq", "x", "y", "z"]}}\n# EndOfHeader\n'
+        + table(COUNTER, *XYZ, mark="\t", end="\t\n"), RATE
+    ),
+    "keys in capitals": (
+        "NO_OF_FRAMES\t240\nFREQUENCY\t2000\nTIME_STAMP\t2026-03-01, 10:00\t1.2\n"
+        "DATA_INCLUDED\t3D\nMARKER_NAMES\ttip\n" + table(*XYZ, mark="\t"), RATE
+    ),
+    "names numbered with points": (
+        table(times(), *XYZ, names="t,ch 1.1,ch 1.2,ch 2.1\n"), RATE
+    ),
+    "a long footer": (
+        table(*XYZ, names="x,y,z\n") + "".join(f"Mean {n},1,2\n" for n in range(20)), None
+    ),
+    **{
+        stated: (f"{stated}\nx,y,z\n" + table(*XYZ), RATE)
+        for stated in (
+            "SR(Hz),2000", "Ts: 0.5ms", "Ts [ms]: 0.5", "sfreq: 2000", "nominal_srate: 2000",
+            "Samp. Rate 2000", "Fsamp = 2000", "120000/min", "Sample rate: 120000/min",
+            "Logging rate: 120000 samples per minute",
+        )
+    },
     # numbers
+    "tabs and blanks": (table([f"{t}\t{x}" for t, x in zip(times(), X, strict=True)], Y, Z,
+                              mark=" ", names="t\tx y z\n"), RATE),
+    "exponents of Mathematica": (
+        table(*(column(axis, "{:.9e}") for axis in AXES)).replace("e", "*^"), None
+    ),
     "dashes as minus": (
         table(*([c.replace("-", "\u2013") for c in each] for each in XYZ), names="x,y,z\n"), None
     ),
@@ -888,6 +965,16 @@ REFUSED = {
         table(*([each] * COUNT for each in ("2026", "3", "1", "23", "59")), times(), *XYZ),
         "year, month and day in columns without names; write a line of names above them, such as",
     ),
+    "binary numbers": (
+        table(*([f"{n * k % 256:08b}" for n in NUMBERS] for k in (3, 5)), names="x,y\n"),
+        "has binary numbers such as '.*'; write decimal ones",
+    ),
+    "as many settings as columns": (
+        table(times(), *XYZ, names="t 0.5,gain 1.5,bias 2.5,c\n"), "names or settings: write names"
+    ),
+    "whole numbers behind text": (
+        table([f"x: {x}" for x in COUNTER], Y), "has 'x: 0' in column 1, a number within text"
+    ),
     "times in words": (table(["day 1"] * COUNT, *XYZ, names="time,x,y,z\n"), "'day 1' in the colu"),
 }  # fmt: skip
 
@@ -1016,6 +1103,12 @@ TOLD = {
     "a lone number far above": (
         "Devices\n1000\n,Acc,\nFrame,x,y\n" + table(COUNTER, X, Y),
         "'1000' stands alone above the names; if it is the rate, give data.file_rate=1000",
+    ),
+    "a sentence of fewer words than columns": (
+        "MPU6050 found, starting\n" + table(*XYZ, *XYZ), "'MPU6050 found, starting'"
+    ),
+    "a long footer": (
+        ROWS + "".join(f"Mean {n},1,2\n" for n in range(20)), "20 lines below the numbers are left"
     ),
     "an empty line": (
         f"{ROWS}\n{ROWS}", "1 empty lines stand between the numbers, which are read as one"
