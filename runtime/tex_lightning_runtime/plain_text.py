@@ -122,12 +122,12 @@ def _utf8(content: bytes) -> bytes:
         lines = [line for line in content[:HEAD].splitlines() if not line.isascii()]
         told = b"\n".join(lines)  # numbers would hide what the letters are
         western = {*told.decode("cp1252", "replace")} - WESTERN
-        encoding = None
+        encoding = "cp1252"
         if not all(map(str.isascii, western)):
             from chardet import detect
 
-            encoding = detect(told)["encoding"]
-        return content.decode(encoding or "cp1252", "replace").encode()
+            encoding = detect(told)["encoding"] or encoding
+        return content.decode(encoding, "replace").encode()
     return content
 
 
