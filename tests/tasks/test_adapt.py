@@ -124,7 +124,12 @@ def test_a_checkpoint_that_stays_as_it_was_is_written_all_the_same(strokes, trai
     run = f"hydra.run.dir={tmp_path}/run"
     outcome = cli("task=adapt", f"checkpoint={trained}", f"haptic=[{','.join(files)}]", run)
     assert outcome.status == 0, outcome.err
-    entry = json.loads((tmp_path / "run/results.json").read_text())["networks"]["haptic"]
+    results = json.loads((tmp_path / "run/results.json").read_text())
+    assert (results["model"], results["data"]) == (
+        "band_proportions",
+        None,
+    )  # files are no data set
+    entry = results["networks"]["haptic"]
     assert not entry["adapted"]
     assert entry["reason"] in outcome.err
     one, other = (

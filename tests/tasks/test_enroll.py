@@ -39,6 +39,7 @@ def test_a_class_is_added_from_its_own_recordings_alone(three, two, surfaces, cl
     results = json.loads((three / "results.json").read_text())
     network = results["networks"]["haptic"]
     assert results["classes"] == ["alpha", "beta", "gamma"]
+    assert results["model"] == json.loads((two / "results.json").read_text())["model"]
     assert network["added"] == {"gamma": {"haptic": 3}}
     assert network["enroll_seconds"] < 10
     for label in ("alpha", "beta", "gamma"):
@@ -57,11 +58,15 @@ def test_a_class_is_added_from_its_own_recordings_alone(three, two, surfaces, cl
         assert low <= first <= last <= high
 
 
-def test_what_was_added_is_not_tested_on(three, surfaces, cli, tmp_path):
+def test_what_was_added_is_not_tested_on(three, surfaces, new, cli, tmp_path):
     asked = ("task=evaluate", f"checkpoint={three}", "data=folder", f"data.root={surfaces}")
     refused = cli(*asked, "data.test_fold=3", f"hydra.run.dir={tmp_path}/3")
     assert refused.status == 2
     assert "has trained on" in refused.err
+    its_own = ("data=folder", f"data.root={new}", f"hydra.run.dir={tmp_path}/new")
+    refused = cli("task=evaluate", f"checkpoint={three}", *its_own)
+    assert refused.status == 2
+    assert "task=enroll has learnt them" in " ".join(refused.err.split())
     tested = cli(*asked, "data.test_fold=0", f"hydra.run.dir={tmp_path}/0")
     assert tested.status == 0, tested.err
     network = json.loads((tmp_path / "0/results.json").read_text())["networks"]["haptic"]

@@ -109,6 +109,9 @@ def test_a_finished_run_is_not_trained_again_nor_taken_by_another(cli, tiny, fus
     outcome = cli("model=fusion", "seed=5", *tiny, f"hydra.run.dir={run}")
     assert outcome.status == 2
     assert "another seed; choose another hydra.run.dir" in outcome.err
+    outcome = cli("task=inspect", *tiny, f"hydra.run.dir={run}")
+    assert outcome.status == 2
+    assert "another task; choose another hydra.run.dir" in " ".join(outcome.err.split())
     assert (run / "results.json").read_bytes() == results
     assert "seed=5" not in (run / ".hydra" / "overrides.yaml").read_text()
 

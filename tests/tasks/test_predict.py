@@ -121,6 +121,7 @@ def test_unusable_input_is_said_in_one_sentence(cli, surfaces, fused, tmp_path, 
     refuse("has an unknown type", haptic, "haptic=cut.ckpt")
     refuse("was not written by tex_lightning", "checkpoint=cut.ckpt", f"haptic={wav}")
     refuse("is not a file or a list", haptic, "haptic={a:1}")
+    refuse("haptic= is not a file or a list", haptic, "haptic=")  # and not the current folder
 
 
 def test_evaluation_refuses_what_would_flatter_or_mislead(cli, surfaces, fused, tmp_path):

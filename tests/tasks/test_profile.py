@@ -46,6 +46,15 @@ def test_profile_of_both_networks(cli, tmp_path):
     assert results["networks"]["visual"]["windows"] == 4 * 2  # 320x256 pixels, 224 every 32
 
 
+def test_a_profiled_checkpoint_has_its_own_name(cli, fused, tmp_path):
+    given = f"checkpoint={fused}/checkpoints/visual.ckpt"
+    outcome = cli("task=profile", given, "debug=tiny", f"hydra.run.dir={tmp_path}")
+    assert outcome.status == 0, outcome.err
+    results = json.loads((tmp_path / "results.json").read_text())
+    assert [results["model"], *results["networks"]] == ["visual", "visual"]
+    assert "profile · visual · " in outcome.err
+
+
 class Plain(nn.Module):
     """A network of one's own that does not say its geometry."""
 

@@ -111,6 +111,7 @@ def claim_folder(composed: DictConfig, values: dict[str, Any], job: "Job") -> No
         before = read_record(note)
         differing = sorted(key for key in {*wanted, *before} if wanted.get(key) != before.get(key))
         if differing:
+            differing = ["task"] if "task" in differing else differing  # which brings the others
             raise UserError(
                 f"Run folder {directory} holds a run with another {listed(differing)}; "
                 "choose another hydra.run.dir."

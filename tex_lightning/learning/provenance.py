@@ -191,7 +191,7 @@ def refuse_leak(test: Recordings, card: Card, who: str, data: Folding) -> None:
     if not divided and all(getattr(data, key) == value for key, value in theirs.items()):
         raise UserError(
             f"{leak}they are copies of recordings in other folds: keep one of each, or give them "
-            "one group, and train anew."
+            "one group, and train anew; or task=enroll has learnt them: leave a fold out there."
         )
     same = [f"data.{key}={json.dumps(value)}" for key, value in theirs.items()]
     if divided:

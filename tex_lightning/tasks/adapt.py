@@ -7,7 +7,7 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import say
-from tex_lightning.core.run_folder import checkpoint_of
+from tex_lightning.core.run_folder import checkpoint_of, system_name
 from tex_lightning.data.folds import split, tested_part
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recording, Recordings
@@ -53,7 +53,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "checkpoint": str(target.resolve()),
     }
     networks = {card.kind: entry}
-    results = results_frame(config, card.kind, card.classes, dataset.skipped, networks, seconds)
+    model = system_name(source)
+    results = results_frame(config, model, card.classes, dataset.skipped, networks, seconds)
+    results["data"] = None if config.files else results["data"]
     write_results(job.directory / "results.json", results)
     say(f"{adaptation} The checkpoint is {target}.")
     return results

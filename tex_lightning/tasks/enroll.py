@@ -12,7 +12,7 @@ from tex_lightning.config import Config, DataConfig
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import say
 from tex_lightning.core.devices import pick_device
-from tex_lightning.core.run_folder import checkpoint_of
+from tex_lightning.core.run_folder import checkpoint_of, system_name
 from tex_lightning.data.folds import split
 from tex_lightning.data.inspection import training_ranges
 from tex_lightning.data.readers import read_recordings
@@ -58,7 +58,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "checkpoint": str(target.resolve()),
     }
     seconds, networks = time.perf_counter() - begin, {card.kind: entry}
-    results = results_frame(config, card.kind, card.classes, dataset.skipped, networks, seconds)
+    model = system_name(source)
+    results = results_frame(config, model, card.classes, dataset.skipped, networks, seconds)
     write_results(job.directory / "results.json", results)
     say(f"{target} knows {len(card.classes)} classes. Added: {listed(dataset.classes)}.")
     return results

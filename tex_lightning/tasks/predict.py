@@ -100,7 +100,7 @@ def find_files(modality: str, value: object) -> list[Path]:
     if value is None:
         return []
     values = value if isinstance(value, list) else [value]
-    if not values or any(isinstance(item, dict | list) for item in values):
+    if not values or any(isinstance(item, dict | list) or item == "" for item in values):
         raise UserError(
             f"{modality}={value} is not a file or a list of files; give {modality}=FILE."
         )

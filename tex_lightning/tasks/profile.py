@@ -14,6 +14,7 @@ from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.progress import track
+from tex_lightning.core.run_folder import system_name
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import RANDOM, environment, write_results
 from tex_lightning.report.table import make_table, print_tables
@@ -30,6 +31,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     A fusion is measured as the networks that it consists of.
     """
     begin, device = time.perf_counter(), pick_device(config.trainer.accelerator)
+    source = config.checkpoint
     networks: dict[str, Any] = {}
     for classifier in track(_classifiers(config), lambda network: f"timing {network.card.title}"):
         name = classifier.card.kind
@@ -39,8 +41,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         networks[name] = profile_network(classifier, recordings, config.engine, config.profile)
     results: dict[str, Any] = {
         "task": config.task,
-        "model": config.model.name,
-        "weights": RANDOM if config.checkpoint is None else config.checkpoint,
+        "model": config.model.name if source is None else system_name(source),
+        "weights": RANDOM if source is None else source,
         "seed": config.seed,
         "wall_seconds": time.perf_counter() - begin,
         "environment": environment(device, config.trainer),
