@@ -131,7 +131,7 @@ def _read_other(
         return None  # which is read with the other lines above
     if sum(numbers) > 0.5 * len(cells) or (any(numbers) and len(cells) == columns.count):
         notes.append(f"an incomplete line of numbers is left out: {line.strip()[:40]!r}")
-    elif listed or (1 < len(cells) < columns.count / 2 and " " in cells[0] and not any(numbers)):
+    elif listed:
         notes.append(f"a line without names is left out: {line.strip()[:40]!r}")
     elif len(cells) > 1 and not any(numbers):
         raise mismatch(len(cells), columns.count)

@@ -866,6 +866,7 @@ ROWS = table(*XYZ)
 REFUSED = {
     "four names": (table(*XYZ, names="x,y,z,more\n"), "has 4 names and 3 columns; give every"),
     "two names": (table(*XYZ, names="x,y\n"), "has 2 names and 3 columns"),
+    "a remark that may be names": (table(*XYZ, *XYZ, names="MPU found, starts\n"), "2 names and 6"),
     "names of one column": (table(X, names="x;y\n"), "has 2 names and 1 columns"),
     "decimal commas beside commas": (table(X, Y, comma=True, names="x,y\n"), "2 names and 4 col"),
     "commas in doubt": (table(["1"] * 9, ["23"] * 9), "which cannot be told apart: write decimal"),
@@ -1103,9 +1104,6 @@ TOLD = {
     "a lone number far above": (
         "Devices\n1000\n,Acc,\nFrame,x,y\n" + table(COUNTER, X, Y),
         "'1000' stands alone above the names; if it is the rate, give data.file_rate=1000",
-    ),
-    "a sentence of fewer words than columns": (
-        "MPU6050 found, starting\n" + table(*XYZ, *XYZ), "'MPU6050 found, starting'"
     ),
     "a long footer": (
         ROWS + "".join(f"Mean {n},1,2\n" for n in range(20)), "20 lines below the numbers are left"

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -43,9 +44,10 @@ def open_camera(source: str) -> Iterator[Callable[[], Pixels]]:
     live = kind == "camera"
     if live and not number.isdecimal():
         raise UserError(f"image={source} names no camera; write camera:0, camera:1 and so on.")
-    before = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    logging: Any = getattr(cv2.utils, "logging", cv2)  # where OpenCV 5 has it, and where 4 has
+    before = logging.setLogLevel(0)
     capture = cv2.VideoCapture(int(number) if live else source)
-    cv2.utils.logging.setLogLevel(before)
+    logging.setLogLevel(before)
     if not capture.isOpened():
         raise UserError(f"image={source} cannot be opened; {REMEDY}.")
 
