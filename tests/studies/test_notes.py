@@ -6,7 +6,13 @@ from types import SimpleNamespace
 import pytest
 
 from tex_lightning.data.recordings import Recording, Recordings
-from tex_lightning.studies.notes import other_axes, other_cameras, other_units, silent
+from tex_lightning.studies.notes import (
+    other_axes,
+    other_cameras,
+    other_units,
+    reading_notes,
+    silent,
+)
 
 
 @pytest.mark.parametrize(
@@ -81,3 +87,12 @@ def test_sensors_that_were_not_connected_are_told(levels, told):
 def test_a_class_of_another_camera_is_told(sizes, told):
     size = recordings("image", sizes)
     check(other_cameras(Recordings(tuple(size)), SimpleNamespace(extent=size.get)), told)
+
+
+@pytest.mark.parametrize(("count", "last"), [(5, "4: note 4."), (7, "And 2 more such notes.")])
+def test_five_notes_on_files_are_listed_and_others_counted(count, last):
+    level = recordings("haptic", {"oak": range(count)})
+    store = SimpleNamespace(reading=lambda row: SimpleNamespace(notes=(f"note {row.path}",)))
+    notes = reading_notes(Recordings(tuple(level)), store)
+    assert notes[:5] == [f"{number}: note {number}." for number in range(5)]
+    assert notes[-1] == last
