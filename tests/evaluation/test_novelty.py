@@ -1,11 +1,12 @@
 """What the thresholds do to recordings of known and of held-out classes."""
 
 import json
+import math
 
 import pytest
 from sklearn.metrics import roc_auc_score
 
-from tex_lightning.evaluation.novelty import pool_unknown
+from tex_lightning.evaluation.novelty import pool_unknown, unknown_entry
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes
 
 
@@ -53,3 +54,9 @@ def test_without_a_threshold_the_areas_alone_are_known(pooled):
     labels, novelties = [0, 0, 0, 0, 1, 1], [0.1, 0.2, 0.3, 0.4, 0.25, 0.9]
     assert found["novelty_auroc"] == pytest.approx(roc_auc_score(labels, novelties))
     assert "rate" not in pooled([None, None], None)
+
+
+def test_one_novelty_that_is_not_measured_leaves_no_area():
+    known, unknown = [outcome("a", "a", 0.1)], [outcome("c", "a", 0.9), outcome("c", "a", math.nan)]
+    assert unknown_entry([(known, unknown[:1], None)], None)["unknown"]["novelty_auroc"] == 1
+    assert unknown_entry([(known, unknown, None)], None)["unknown"]["novelty_auroc"] is None
