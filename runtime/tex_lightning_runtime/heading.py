@@ -27,7 +27,8 @@ RATE = re.compile(
     rf"|(?<!max[ .])(?<!imum )\b{SAMPLING}(?:\. ?|[ _-])?(?:rate|freq\w*\.?)"
     r"|\b(?:abtast|mess)(?:rate|frequenz)|^\W*(?:rate|frequency)|\bsamples[ _]?(?:per |/)s\w*"
     r"|fr[eé][cq]u\w*\W+\w+\W+(?:échantillonnage|muestreo|campionamento|amostragem)"
-    rf"|\b(?:samples|sampled|recorded|logged|created)\b(?:(?!pass|filter|cut).)* at{IN_HERTZ}"
+    r"|\b(?:samples|sampled|recorded|logged|created)\b(?:(?!pass|filter|cut).){0,200} at"
+    rf"{IN_HERTZ}"
     rf"|(?=@){IN_HERTZ}|^\W*(?= \d[\d.,]* *(?:{HERTZ})\W*$)){OF_UNIT}",
     re.IGNORECASE,
 )
@@ -54,7 +55,7 @@ UNIT = re.compile(  # in a row of units
 )
 UNNUMBERED = re.compile(rf"{UNNAMED.pattern}|[(\[].*?[)\]]")  # X (1.5 g)
 FRACTION = re.compile(r"\b\d+[.,]\d+")
-JSON_NAMES = re.compile(r'"columns?": *\[(.*?)\]')  # as OpenSignals has them
+JSON_NAMES = re.compile(r'"columns?": *\[([^\]]{0,4000})\]')  # as OpenSignals has them
 STATEMENT = re.compile(r"[^=]+=\s*[-+]?[\d.].*")  # between names
 
 

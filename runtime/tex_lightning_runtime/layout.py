@@ -53,7 +53,7 @@ UNIT_BEHIND = re.compile(rf"(?<=\d) +(?:{UNIT.pattern})(?=[ ]*(?:[,;\t|]|$))")  
 KEYS = re.compile(r"(?m)(?:^[A-Z]+(?:_[A-Z]+)+\b.*\n?){3}\Z")  # MARKER_NAMES
 BITS = re.compile(r"[01]{4,32}")
 COMMAS = re.compile(r"\s*(?:[-+]?\d+,\d+(?:e[-+]?\d+)?(?:\s+|$)){2,}", re.I)  # decimal ones
-MIXED = re.compile(r"\t.*\.\d+ +[-+]?\d*\.\d|\.\d+ +[-+]?\d*\.\d.*\t")  # blanks and tabs between
+MIXED = re.compile(r"(?=.*\t).*?\.\d+ +[-+]?\d*\.\d")  # a tab, and blanks between numbers
 EMPTY = re.compile(rb"\n\n+")  # lines
 ZERO_FIRST = re.compile(r"[-+]?0\d+|[-+]0")
 
@@ -195,7 +195,7 @@ def _dialect(lines: list[str], given: str | None) -> tuple[str, str]:
     separator, quote = (found.delimiter, found.quotechar) if found else ("", "")
     if given:
         separator = given
-    elif all(map(COMMAS.fullmatch if separator == "," else MIXED.search, lines)):
+    elif all(map(COMMAS.fullmatch if separator == "," else MIXED.match, lines)):
         separator = " "
     elif separator == "," and min(semicolons := {line.count(";") for line in lines}) > 0:
         separator = ";" if len(semicolons) == 1 else separator  # of 1 234,5
