@@ -53,7 +53,7 @@ UNIT = re.compile(  # in a row of units
     r"([/*]\(?s(ec)?(\^?-?2|²|/s)?\)?)?|[Ss]equence|Volts?|gauss|tesla"
     rf"|(?i:{'|'.join(unit for unit in UNITS if len(unit) > 1)})",
 )
-UNNUMBERED = re.compile(rf"{UNNAMED.pattern}|[(\[].*?[)\]]")  # X (1.5 g)
+UNNUMBERED = re.compile(rf"{UNNAMED.pattern}|[(\[].{{0,80}}?[)\]]")  # X (1.5 g)
 FRACTION = re.compile(r"\b\d+[.,]\d+")
 JSON_NAMES = re.compile(r'"columns?": *\[([^\]]{0,4000})\]')  # as OpenSignals has them
 STATEMENT = re.compile(r"[^=]+=\s*[-+]?[\d.].*")  # between names
