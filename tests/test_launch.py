@@ -97,6 +97,7 @@ def compose_run_folder() -> str:
     [
         (["model.haptic.width=0"], r"give a number in \(0, 8\]"),
         (["hydra.run.dir=/dev/null/run"], "run folder cannot be made"),
+        (["hydra.run.dir="], r"hydra\.run\.dir is empty; give a folder"),
         (["-m", "seed=0,1"], "'-m' cannot be read; write key=value"),
         (["experiment=paper/all"], "are a sweep"),
         (["task=predict", "checkpoint=a.ckpt"], "task=predict leaves no results"),

@@ -35,6 +35,7 @@ from tex_lightning.config.composition import (
 from tex_lightning.config.help_text import answer, asks
 from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.config.mistakes import check_choices, to_user_error
+from tex_lightning.config.overrides import key_of, parsed_overrides
 from tex_lightning.config.quoting import as_typed
 from tex_lightning.config.rules import check_typed
 from tex_lightning.config.tasks import NO_FOLDER, TRAINING
@@ -288,7 +289,9 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     Raises:
         UserError: If the configuration or what it names cannot be used.
     """
-    check_choices(job.hydra.hydra.runtime.choices, job.searchpath)
+    given = {key_of(each): each.value() for each in parsed_overrides(job.overrides)}
+    lists = {key: x for key, x in given.items() if isinstance(x, list) and "." not in key}
+    check_choices({**job.hydra.hydra.runtime.choices, **lists}, job.searchpath)
     config = checked_config(composed)  # what is wrong with it is said before PyTorch is imported
     check_typed(config, job.sets)
     from tex_lightning.data.derived_settings import derive_settings

@@ -70,6 +70,10 @@ def test_a_file_with_the_name_of_the_packages_is_not_passed_over_in_silence(cli,
         assert "Error: data/folder.yaml of yours has the name of an option" in outcome.err
     (tmp_path / "two" / "model" / "haptic.yaml").write_text("defaults: [base, _self_]\n")
     assert "Error: model/haptic.yaml of yours has the name" in cli(*two, "model=haptic").err
+    (tmp_path / "two" / "callbacks").mkdir()
+    (tmp_path / "two" / "callbacks" / "default.yaml").write_text("mine: null\n")
+    said = cli(*two, "model=mfcc_nb", "callbacks=[default]", "data.hold_out=[default]").err
+    assert "Error: callbacks/default.yaml of yours has the name" in said
 
 
 def test_a_copy_of_the_packages_folder_is_read_as_that(tmp_path):

@@ -4,6 +4,7 @@ import errno
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
+from traceback import walk_tb
 from typing import Any
 
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
@@ -24,7 +25,7 @@ from tex_lightning.errors import UserError, nearest, reason, shorten
 
 MISTAKES = (HydraException, OmegaConfBaseException, YAMLError)  # the last of a user's own files
 SAME_NAME = re.compile("'(.+)/(.+)' is validated against ConfigStore schema")
-KEY = re.compile(r"Could not (?:override|append to config|delete).*?'([^'=]+)")
+KEY = re.compile(r"Could not (?:override|delete from config\.) '([^'=]+)")
 # Options that have another name now, by group and former name.
 RENAMED = {
     ("model", "haptic_bands"): "band_proportions",
@@ -44,6 +45,7 @@ WORDS = {  # of Hydra and OmegaConf, and ours
     "^Value .* is not a valid bool .*": "give true or false",
     "^Cannot convert .* to string: .*": "give text",
     ".*does not support deletion$": "it cannot be taken away, give another value",
+    "^Could not delete from config. '(.*)' does not exist$": r"\1 is null already",
     "^Cannot merge DictConfig with ListConfig$": "one of names and values, and a list, is given",
     "^Config group override must be a string or a list.*": "an option is a name, or left out by "
     "~GROUP, as in ~logger",
@@ -121,8 +123,13 @@ def explain(error: Exception) -> UserError:
     if named := SAME_NAME.search(str(error)):
         return UserError(_shadowed(*named.groups()))
     match, root = KEY.search(str(error)), getattr(error.__cause__, "parent_node", None)
+    for frame, _ in walk_tb(error.__traceback__):  # a deletion has no cause, but Hydra's variable
+        root = frame.f_locals.get("cfg") if root is None else root
     if match and root is not None and not str(error.__cause__).startswith("Value "):
-        return unknown_key(match[1], root._get_root())
+        root = root._get_root()
+        values: Any = OmegaConf.to_container(root, resolve=False)
+        if match[1] not in _names(values):  # else it is null
+            return unknown_key(match[1], root)
     return UserError(_one_line(error))
 
 
@@ -137,11 +144,16 @@ def _shadowed(group: str, option: str) -> str:
 def check_choices(choices: Mapping[str, object], overrides: Sequence[str]) -> None:
     """Reject a chosen option that a user's folder has, too, and otherwise: the package's is read.
 
+    Args:
+        choices: An option, or a list of options, of each group.
+        overrides: Those that name further folders.
+
     Raises:
         UserError: If there is one.
     """
     folders = [*user_folders(), *named_folders(overrides)]
-    for key, option in choices.items():
+    chosen = ((key, x) for key, x in choices.items() for x in (x if isinstance(x, list) else [x]))
+    for key, option in chosen:
         group, file = key.partition("@")[0], f"{key.partition('@')[0]}/{option}.yaml"
         own = [folder / file for folder in folders if (folder / file).is_file()]
         read = (CONF / file).read_bytes() if own and (CONF / file).is_file() else None
