@@ -488,3 +488,32 @@ def test_an_empty_label_is_told_of_y_not_of_a_file(strokes):
     x, y = strokes
     with pytest.raises(ValueError, match=r"^y holds an empty label; give every sample one\.$"):
         tl.Estimator(rate=SLOW_RATE).fit(x, [" ", *y[1:]])
+
+
+@pytest.mark.parametrize("one", [1, True])
+def test_a_label_as_text_and_otherwise_is_no_single_class(strokes, one):
+    x, _ = strokes
+    with pytest.raises(ValueError, match=f"y holds {one} as text and otherwise; give"):
+        tl.Estimator(rate=SLOW_RATE).fit(x, [one] * 4 + [str(one)] * 4 + ["b"] * 4)
+
+
+@pytest.mark.parametrize("name", ["verbose_", "_seed", "haptic.width_", "classes_", "predict", ""])
+def test_a_name_that_is_no_key_is_not_passed_over(name):
+    for give in (lambda keys: tl.Estimator(**keys), lambda keys: tl.Estimator().set_params(**keys)):
+        with pytest.raises(tl.UserError, match=f"^'{name}' is no parameter; give a key of Hydra"):
+            give({name: 1})
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("verbose", "yes", "verbose is 'yes': give true or false or a whole number"),
+        ("rate", [1000], r"rate is \[1000\]: give a number or null"),
+        ("directory", 3, "directory is 3: give text or null"),
+        ("seed", np.random.RandomState(0), "seed is RandomState.*; give text, numbers, or lists"),
+        ("model", None, "There is no model None"),
+    ],
+)
+def test_a_parameter_of_another_type_is_one_sentence(strokes, key, value, said):
+    with pytest.raises(tl.UserError, match=f"^{said}"):
+        tl.Estimator(**{"rate": SLOW_RATE, key: value}).fit(*strokes)

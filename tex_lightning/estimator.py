@@ -39,6 +39,7 @@ from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.config.mistakes import to_user_error
 from tex_lightning.config.overrides import as_key_value, named_model
 from tex_lightning.config.rules import check_typed
+from tex_lightning.config.signatures import misfits
 from tex_lightning.config.user_folders import use_config_dir
 from tex_lightning.core.console import messages, verbosity
 from tex_lightning.core.devices import own_defaults
@@ -120,7 +121,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         *,
         rate: float | None = None,
         seed: int = 0,
-        verbose: int = 0,
+        verbose: bool | int = 0,
         directory: str | Path | None = None,
         config_dir: str | Path | None = None,
         **keys: Any,  # noqa: ANN401
@@ -131,8 +132,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         self.verbose = verbose
         self.directory = directory
         self.config_dir = config_dir
-        for name, value in keys.items():  # attributes, as the others: what ends in _ is fitted
-            setattr(self, name, value)
+        self.set_params(**keys)  # attributes, as the others
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Return all parameters, and the keys that were given."""
@@ -140,8 +140,17 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         return {name: getattr(self, name) for name in sorted(names)}
 
     def set_params(self, **params: Any) -> Self:  # noqa: ANN401
-        """Set parameters and keys, such as ``**{"haptic.features.thresholds": 5}``."""
+        """Set parameters and keys, such as ``**{"haptic.features.thresholds": 5}``.
+
+        Raises:
+            UserError: If the name is that of a method, or of what a fit keeps.
+        """
         for name, value in params.items():
+            if name.strip("_") != name or not name or hasattr(type(self), name):
+                raise InvalidInput(
+                    f"{name!r} is no parameter; give a key of Hydra, which `python -m "
+                    "tex_lightning --help=all` lists."
+                )
             setattr(self, name, value)
         return self
 
@@ -348,6 +357,8 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         Raises:
             InvalidInput: If the work ends with a user's mistake.
         """
+        if wrong := "; ".join(misfits("", type(self), self.get_params() | {"model": ""})):
+            raise InvalidInput(f"{wrong}.")
         with ExitStack() as stack:
             stack.enter_context(TURN)
             stack.enter_context(verbosity(self.verbose))

@@ -1,9 +1,11 @@
 """What counts as chosen by the user, in every form that Hydra reads."""
 
+import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
-from tex_lightning.config.overrides import chosen_settings, swept_keys
+from tex_lightning.config.overrides import as_key_value, chosen_settings, swept_keys
+from tex_lightning.errors import UserError
 
 
 @pytest.mark.parametrize(
@@ -46,3 +48,11 @@ def test_keys_that_a_sweep_varies_come_from_command_and_file(tmp_path, monkeypat
     assert swept_keys(job) == ["trunk"]
     OmegaConf.save({"hydra": {**hydra, "mode": "RUN"}}, job / ".hydra" / "hydra.yaml")
     assert swept_keys(job) == swept_keys(tmp_path) == []
+
+
+def test_values_of_numpy_are_plain_ones_and_objects_none():
+    for value in (np.array(["a b", "1"]), ("a b", "1"), [np.str_("a b"), "1"]):
+        assert as_key_value("data.hold_out", value) == 'data.hold_out=["a b","1"]'
+    assert as_key_value("a.b", {"c": np.float32(0.5), "d": np.True_}) == "model.a.b={c:0.5,d:true}"
+    with pytest.raises(UserError, match="seed is <object object at .*>; give text, numbers"):
+        as_key_value("seed", [object()])

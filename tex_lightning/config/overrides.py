@@ -1,11 +1,12 @@
 """The overrides of a command, as settings by key."""
 
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import suppress
 from dataclasses import fields
 from functools import lru_cache
 from pathlib import Path
+from types import NoneType
 from typing import Any, cast
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -66,20 +67,21 @@ def as_key_value(key: str, value: object) -> str:
     model = {each.name for each in fields(ModelConfig)}
     top = {each.name for each in fields(Config)} - (model if rest else set())
     inner = first not in top | {*config_groups()} and "@" not in first and "/" not in first
-    return f"{sign}{'model.' if inner else ''}{key.removeprefix('+')}={_written(value)}"
+    return f"{sign}{'model.' if inner else ''}{key.removeprefix('+')}={_written(key, value)}"
 
 
-def _written(value: object) -> str:
+def _written(key: str, value: Any) -> str:  # noqa: ANN401
     """Return a plain value in Hydra's grammar."""
+    value = value.tolist() if hasattr(value, "tolist") else value  # of NumPy
     if isinstance(value, Mapping):
-        return f"{{{','.join(f'{name}:{_written(item)}' for name, item in value.items())}}}"
-    if isinstance(value, list | tuple | set):
-        return f"[{','.join(map(_written, value))}]"
+        return f"{{{','.join(f'{name}:{_written(key, item)}' for name, item in value.items())}}}"
     if isinstance(value, str | Path):
         return QuotedString(str(value), Quote.double).with_quotes()
-    return (
-        "null" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
-    )
+    if isinstance(value, Sequence | Set):
+        return f"[{','.join(_written(key, item) for item in value)}]"
+    if not isinstance(value, int | float | NoneType):
+        raise UserError(f"{key} is {shorten(value)}; give text, numbers, or lists of them.")
+    return "null" if value is None else str(value).lower()
 
 
 def named_model(name: str) -> str:

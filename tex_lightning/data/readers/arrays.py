@@ -138,6 +138,10 @@ def labels_of(y: Any, least: int = 2) -> tuple[Array, list[str]]:  # noqa: ANN40
     labels = column_or_1d(y, warn=True)
     _check_complete("y", y)
     check_classification_targets(labels)
+    if isinstance(y, list | tuple):  # of which NumPy makes one text
+        texts = {label for label in y if isinstance(label, str)}
+        if both := [*texts.intersection(str(x) for x in y if not isinstance(x, str))]:
+            raise InvalidInput(f"y holds {both[0]} as text and otherwise; give labels of one type.")
     classes = np.unique(labels)
     if len(classes) < least:
         found = f"There is only one class ({classes[0]})" if len(classes) else "There is no label"
