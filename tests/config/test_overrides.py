@@ -54,5 +54,5 @@ def test_values_of_numpy_are_plain_ones_and_objects_none():
     for value in (np.array(["a b", "1"]), ("a b", "1"), [np.str_("a b"), "1"]):
         assert as_key_value("data.hold_out", value) == 'data.hold_out=["a b","1"]'
     assert as_key_value("a.b", {"c": np.float32(0.5), "d": np.True_}) == "model.a.b={c:0.5,d:true}"
-    with pytest.raises(UserError, match="seed is <object object at .*>; give text, numbers"):
+    with pytest.raises(UserError, match=r"seed is <object object at .*>; give text, numbers"):
         as_key_value("seed", [object()])
