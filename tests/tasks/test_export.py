@@ -60,12 +60,15 @@ def test_a_model_card(cli, bands, tmp_path):
     ).status  # fmt: skip
     text = (tmp_path / "MODEL_CARD.md").read_text()
     assert text.startswith("---\nlibrary_name: tex_lightning\n")
-    entry = json.loads((bands / "results.json").read_text())["networks"]["haptic"]
+    results = json.loads((bands / "results.json").read_text())
+    entry = results["networks"]["haptic"]
     low, high = (100 * each for each in wilson_interval(entry["correct"], entry["test_samples"]))
     assert f"| correct labels | {entry['correct']} of {entry['test_samples']}: " in text
     assert f"(Wilson 95 %: {low:.1f} to {high:.1f}) |" in text
     assert "Classes: alpha, beta, gamma" in text
     assert "None were used" in text
+    assert "random" not in text  # it is fitted in closed form
+    assert results["weights"] == {"haptic": "none"}
 
 
 def test_what_no_export_wrote_is_not_overwritten(cli, untrained, tmp_path):

@@ -52,8 +52,9 @@ def test_a_network_starts_from_its_trunk_and_inherits_what_it_has_seen(
     weights = f"weights={{haptic:{fused}/checkpoints/haptic.ckpt}}"
     still = "model.haptic.fit.learning_rate=1e-12"
     run = run_once("model=haptic", still, weights, *tiny)
-    source = json.loads((run / "results.json").read_text())["weights"]["haptic"]
-    assert source == f"{fused}/checkpoints/haptic.ckpt"
+    first = {f"{fused}/checkpoints/haptic.ckpt": run, "random weights": fused}
+    for source, folder in first.items():
+        assert json.loads((folder / "results.json").read_text())["weights"]["haptic"] == source
     start, end = (
         tl.load(each / "checkpoints" / "haptic.ckpt").classifier.state_dict()
         for each in (fused, run)

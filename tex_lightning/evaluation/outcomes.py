@@ -29,7 +29,8 @@ from tex_lightning.data.store import Store, load_sample
 from tex_lightning.errors import UserError
 from tex_lightning.text import to_json
 
-RANDOM = "random weights"  # in place of the file that weights came from
+# In place of the file that first weights came from
+RANDOM, NO_WEIGHTS = "random weights", "none"
 FILES = "files"
 LIBRARIES = ("torch", "lightning", "kornia", "hydra-core", "numpy", "scipy")
 

@@ -14,7 +14,7 @@ from typing import Any
 
 from tex_lightning.classifier.card import CROSSVAL, LABEL, Card, configured_card
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.config import Config, Folding, plain_values
+from tex_lightning.config import Config, Folding, ModelConfig, plain_values, trunk_name
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import read_record
@@ -22,7 +22,7 @@ from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.data.folds import make_samples, split, tested_part
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.outcomes import RANDOM, write_results
+from tex_lightning.evaluation.outcomes import NO_WEIGHTS, RANDOM, write_results
 from tex_lightning.inference.prediction import name_conflict
 from tex_lightning.learning.loggers import log_test
 from tex_lightning.learning.provenance import note_recordings
@@ -84,12 +84,18 @@ def training_results(
 ) -> dict[str, Any]:
     """Return ``results.json`` of a training, with the sources of first weights."""
     model, begun = config.model, {**config.sources, **config.model.checkpoints}
-    weights = {name: begun.get(name, RANDOM) for name in model.senses}
+    weights = {name: begun.get(name, _first_weights(model, name)) for name in model.senses}
     frame = results_frame(
         config, model.name, dataset.classes, dataset.skipped, networks, seconds,
         baseline=model.baseline is not None,
     )  # fmt: skip
     return {**frame, "weights": weights}
+
+
+def _first_weights(model: ModelConfig, sense: str) -> str:
+    """Return what a training without a source begins with: a fit has no weights but a trunk's."""
+    fits = model.baseline is not None or not model.fit_values(sense)["epochs"]
+    return NO_WEIGHTS if fits and trunk_name(model, sense) in (sense, "None") else RANDOM
 
 
 def finished_fold(home: Path) -> dict[str, Any] | None:
