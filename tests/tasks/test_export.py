@@ -93,6 +93,26 @@ def test_what_no_export_wrote_is_not_overwritten(cli, untrained, tmp_path):
     assert not card.exists()
 
 
+@pytest.mark.parametrize("format", ["card", "onnx"])
+def test_an_export_that_was_killed_does_not_keep_out_the_next(
+    cli, untrained, tmp_path, monkeypatch, format
+):
+    order = "task=export", f"checkpoint={untrained}", f"export.format={format}"
+    said = {"same_labels": 3, "recordings": 3, "score_difference": 0.0}
+    monkeypatch.setattr(export, "make_onnx", lambda classifier: None)
+    monkeypatch.setattr(export, "onnx_runner", lambda model: None)
+    monkeypatch.setattr(export, "compare", lambda *_: dict(said))
+    monkeypatch.setattr(export, "require_agreement", lambda *_: None)
+    monkeypatch.setattr(export, "write_onnx", lambda _, partial: partial.write_text("onnx"))
+    with monkeypatch.context() as killed:  # once the file is there
+        killed.setattr(export, "say", lambda *_: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            cli(*order, f"export.out={tmp_path}")
+    again = cli(*order, f"export.out={tmp_path}")
+    assert again.status == 0, again.err
+    assert len(results(tmp_path)["files"]) == 2
+
+
 def test_a_file_that_says_something_else_is_not_written(cli, untrained, tmp_path, monkeypatch):
     wrong = {"scores": np.zeros((3, 50)), "label": -1, "probabilities": np.zeros(3)}
     monkeypatch.setattr(export, "make_onnx", lambda classifier: None)

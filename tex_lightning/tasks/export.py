@@ -70,38 +70,46 @@ def export_classifier(
         runtime = runtime_files(config.export.web_runtime, cache_root(config.data.cache_dir))
         page = page_files(metadata(classifier), runtime)
     file = out / ("MODEL_CARD.md" if card else f"{classifier.card.kind}.onnx")
-    files = _claimed(out, [RECORD, file.name, *page])
+    claim = _claimed(out, [RECORD, file.name, *page])
     if card:
+        write_text(out / RECORD, json.dumps(claim, indent=1))
         write_text(file, model_card(classifier, checkpoint))
         say(str(file))
         entry: dict[str, Any] = {}
     else:
-        entry = _write_onnx(config, classifier, file, page)
-    entry |= {"file": file.name, "bytes": file.stat().st_size, "files": files}
+        entry = _write_onnx(config, classifier, file, page, claim)
+    entry |= {"file": file.name, "bytes": file.stat().st_size, "files": claim["files"]}
     results = {"task": config.task, "format": config.export.format, **entry}
     write_text(out / RECORD, json.dumps(results, indent=1))
     return results
 
 
-def _claimed(out: Path, names: Sequence[str]) -> list[str]:
-    """Return the names of all files of exports to a folder, with those that come now.
+def _claimed(out: Path, names: Sequence[str]) -> dict[str, Any]:
+    """Return the record of exports to a folder, with the names of files that come now.
+
+    It is written before them, so that an export that is killed does not keep out the next.
 
     Raises:
         UserError: If one of them is there, and no export wrote it.
     """
     record = out / RECORD
-    written: list[str] = read_record(record).get("files", []) if record.is_file() else []
+    before: dict[str, Any] = read_record(record) if record.is_file() else {}
+    written = before.get("files", [])
     for name in names:
         if os.path.lexists(out / name) and name not in written:
             raise UserError(
                 f"{out / name} was not written by an export; move it away or choose another "
                 "export.out."
             )
-    return list(dict.fromkeys([RECORD, *written, *names]))
+    return {**before, "files": [*dict.fromkeys([RECORD, *written, *names])]}
 
 
 def _write_onnx(
-    config: Config, classifier: SurfaceClassifier, file: Path, page: dict[str, bytes]
+    config: Config,
+    classifier: SurfaceClassifier,
+    file: Path,
+    page: dict[str, bytes],
+    claim: dict[str, Any],
 ) -> dict[str, Any]:
     """Write what onnxruntime runs, compared with its classifier before; and the page around it."""
     model = make_onnx(classifier)
@@ -109,6 +117,7 @@ def _write_onnx(
     agreement = compare(onnx_runner(model), classifier, samples)
     require_agreement(agreement, classifier)
     content = without_defaults(model) if page else model
+    write_text(file.parent / RECORD, json.dumps(claim, indent=1))
     write_atomically(file, lambda partial: write_onnx(content, partial))
     say(
         f"{file}: {file.stat().st_size / 1e6:.1f} MB; {agreement['same_labels']} of "
