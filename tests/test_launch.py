@@ -155,6 +155,20 @@ def test_ctrl_c_names_the_folder_to_go_on_in(tmp_path, monkeypatch):
     assert "the same command with hydra.run.dir=RUN goes on" in command._interrupted()
 
 
+def test_ctrl_c_while_modules_are_imported_leaves_no_traceback():
+    class Finder:
+        def find_spec(self, name, *_):
+            if name == "tex_lightning.cli":
+                raise KeyboardInterrupt
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "meta_path", [Finder(), *sys.meta_path])
+        patch.delitem(sys.modules, "tex_lightning.cli")
+        patch.delitem(sys.modules, "tex_lightning.__main__", raising=False)
+        with pytest.raises(SystemExit, match="130"):
+            import tex_lightning.__main__  # noqa: F401
+
+
 @pytest.mark.parametrize("override", ["model.haptic.width=0", "modle=haptic", "task=evaluate"])
 def test_a_wrong_command_ends_before_pytorch_is_imported(tmp_path, override):
     code = (

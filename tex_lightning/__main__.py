@@ -8,7 +8,10 @@ from tex_lightning.core.ranks import remember_signal
 
 remember_signal()  # what is imported next takes seconds, in which SIGUSR1 would end this process
 
-from tex_lightning.cli import main  # noqa: E402
+try:
+    from tex_lightning.cli import main
+except KeyboardInterrupt:  # Ctrl-C
+    sys.exit(130)
 
 __all__ = ["main"]
 
