@@ -73,6 +73,7 @@ NO_UNITS = re.compile(
     r"[-+\d:]*|utc|gmt|unix|epoch|txt|local|n|hh.*|yyyy.*|mm.*|dd.*|iso.*|since.*"
 )
 SEEN = 100  # cells
+LONGEST = 400  # letters of a name, in which units stand
 FEW, FULL = 10, 0.99  # recordings that a counter may number; share at which it begins anew
 MIN_RISING = 8  # samples; fewer numbers may rise by chance
 OFTEN = 0.1  # of the samples, at which a label or text changes if rows take turns
@@ -114,7 +115,7 @@ class Column:
     @property
     def units(self) -> list[str]:
         """Units that name and row of units state, in small letters."""
-        stated = [*re.findall(r"[(\[]([^)\]]*)[)\]]", self.name), self.unit]
+        stated = [*re.findall(r"[(\[]([^)\]]{0,80})[)\]]", self.name[:LONGEST]), self.unit]
         stated += re.findall(r"(?:^|\s)in\s+(\S+)$", self.name)
         if "/" in self.name:
             stated.append(self.name.rpartition("/")[2])

@@ -30,6 +30,9 @@ WESTERN = {*"°µ²³·äöüÄÖÜßéèêàçñóúíáã±´’–×§\u00a0"
 COMMENT = re.compile(  # and none of #N/A, #DIV/0!, #VALUE!, which a sheet has in place of numbers
     rb"(?m)^[ \t]*(?:#(?!N/A|NV\b|[A-Z\x80-\xff/0]+[!?])|%|//).*(?:\n|\Z)"
 )
+REMARK = re.compile(rb"(?m)^[ \t]*;")  # as loggers of Gulf Coast Data Concepts begin it
+DIVIDED = re.compile(rb"(?m)^[ \t]*[^;\s][^;\n]*;")  # by semicolons, which begin no remarks
+NUMBER_FIRST = re.compile(rb"(?m)^[ \t]*[-+.\d]")
 BROKEN = re.compile(rb'(?<![^\n,;\t])"([^"\n]{0,80}(?:\n[^"\n]{0,80}){1,3})"(?=[,;\t\n])')  # names
 # Signs of typography for minus, and letters without width.
 PLAIN = {**dict.fromkeys("\u2212\u2013", b"-"), **dict.fromkeys("\u200b\u200e\ufeff", b"")}
@@ -53,8 +56,13 @@ PAIR = re.compile(  # name:number or name=number, as plotters of serial ports re
     rb"[\"']?[ \t]*[:=][ \t]*(?=[\"']?[-+]?\.?\d)"
 )
 WRAPPED = (  # rows in brackets, or in quotes around several cells
-    re.compile(rb"(?m)^[ \t]*(?:[\[({]+|<(?=[-+.\d]))[ \t]*(.*?)[ \t]*[\])}>]+,?[ \t]*$"),
-    re.compile(rb'(?m)^"(?=[^"\n]*(?:[;\t]|\.[^"\n]*,[^"\n]*\.|[A-Za-z)],))([^"\n]*)"[ \t]*$'),
+    re.compile(
+        rb"(?m)^[ \t]*(?:[\[({]++|<(?=[-+.\d]))[ \t]*+(.*[^\])}> \t\n])[ \t]*[\])}>]+,?[ \t]*$"
+    ),
+    re.compile(
+        rb'(?m)^"(?=[^"\n;\t]*[;\t]|[^"\n.]*\.[^"\n,]*,[^"\n.]*\.|[^"\n]*[A-Za-z)],)'
+        rb'([^"\n]*)"[ \t]*$'
+    ),
 )
 VALUE = re.compile(  # and its unit, and what else stands before the next that has a name
     rb"\x1f[\"']?([^\s;|\"'}\]\x1f]*[^\s,;|\"'}\]\x1f](?: [A-Za-z%\x80-\xff][^\s,;|\"'}\]:=]*)?)"
@@ -90,6 +98,8 @@ def read_plain(path: Path) -> bytes:
     if b'"' in content[:HEAD]:  # lines within a cell
         names = BROKEN.sub(lambda found: found[0].replace(b"\n", b" "), content[:HEAD])
         content = names + content[HEAD:]
+    if REMARK.search(content) and NUMBER_FIRST.search(content) and not DIVIDED.search(content):
+        content = REMARK.sub(b"#", content)
     if b"\x1b" in content:
         content = re.sub(rb"\x1b\[[\d;]*m", b"", content)  # colours
     for letter, plain in () if content.isascii() else PLAIN.items():
