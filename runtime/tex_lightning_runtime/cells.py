@@ -50,7 +50,10 @@ class Dialect:
         reader = csv.reader(
             [line], delimiter=self.separator, quotechar=self.quote, skipinitialspace=True
         )
-        return [cell.strip() for cell in next(reader, [])]
+        try:
+            return [cell.strip() for cell in next(reader, [])]
+        except csv.Error:  # of a cell of more than 131,072 letters, which is no number
+            return [line]
 
 
 def kind(cell: str) -> str:

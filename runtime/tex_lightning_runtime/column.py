@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 TIMES = {  # one of them makes a column one of time
     "time", "times", "timestamp", "timestamps", "datetime", "zeit", "zeiten", "zeitstempel",
-    "uhrzeit", "temps", "tiempo", "tempo", "tijd", "czas", "epoch", "epoc", "elapsed", "时间",
+    "uhrzeit", "datenum", "temps", "tiempo", "tempo", "tijd", "czas", "epoch", "epoc", "elapsed", "时间",
     "時間", "время", "시간",
 }  # fmt: skip
 OF_TIME = {  # a name is one of time if all of its words are such

@@ -12,40 +12,59 @@ from tex_lightning_runtime.times import EPOCH, NOMINAL, UNITS, TableError
 FOOTER, LONGEST = 10, 50  # lines below the numbers: told one by one, and at most
 FACTOR = re.compile(r"\d(?:\.\d+)?e[-+]?\d+ \*", re.IGNORECASE)  # of MATLAB
 DIVIDED = re.compile(r"\b(?:decimat|downsampl)\w*\W+(?:[2-9]|\d\d)", re.IGNORECASE)
-FULL_SCALE = re.compile(r"m?g|[mk]?[vn]|pa|dps", re.IGNORECASE)
+NO_RATE = re.compile(  # units of full scales, speeds and lines
+    r"m?g|[mk]?[vn]|pa|dps|[cmµμ]?m|rpm|bpm|baud|[km]?bps|[km]?bits?|deg|db", re.IGNORECASE
+)
+DRIVEN = re.compile(  # a frequency that is not that of the samples
+    r"excit|stimul|filter|cut-?off|(?:low|high|band)[ -]?pass|shaker|generator|\bsine|anregung",
+    re.IGNORECASE,
+)
+BARE = re.compile(r"\W*freq", re.IGNORECASE)
+LONG = 0.05  # s, from which on a time of sampling is that of the whole
 ROUND = 25  # Hz, of which a rate that nothing calls so is a multiple
 COMMENT = re.compile(r"^[ \t]*(?:#|%|//)[#%/ \t]*")
-AMOUNT = r"[\"']?[ \t:=,;@]+[\"']?\+?(?P<value>\.?\d[\d.,]*(?:e[-+]?\d+)?)[\"']?[ \t,;(]*"
+VALUE = r"(?P<value>\.?\d[\d.,]*(?:e[-+]?\d+)?)"
+AMOUNT = rf"[\"']?[ \t:=,;@]+(?:is |- )?[\"']?\+?{VALUE}[\"']?[ \t,;(]*"
 SAMPLING = r"(?:samp\w*|update|output(?:[ _-]data)?|acq\w*|meas\w*|scan|log\w*)"
-HERTZ = "[km]?hz|[km]?s/s|[km]?sps|fps|(?:samples ?)?(?:/|per )min"
+HERTZ = (
+    "[km]?hz|kilohertz|[km]?s/s|[km]?sps|fps|samples ?(?:/|per )s\w*|(?:samples ?)?(?:/|per )min"
+)
 SECONDS = rf"(?:µs|{'|'.join(UNITS)})\b"
 IN_HERTZ = rf"(?=\W*\d[\d.,]* *(?:{HERTZ}))"
 KNOWN = rf"{HERTZ}|{SECONDS}(?![-^⁻])"  # s^-1
-OF_UNIT = rf"(?:(?:[ ]*[(\[]|_(?=k?hz))(?P<before>\w+/?\w*)[)\]]?)?{AMOUNT}(?P<unit>{KNOWN})?"
+OF_UNIT = (
+    r"(?:(?:[ ]*[(\[]|(?:[ _/]| in )?(?=k?hz\b))(?P<before>\w+/?\w*)[)\]]?)?"
+    rf"{AMOUNT}(?P<unit>{KNOWN})?"
+)
 RATE = re.compile(
-    rf"(?:\bf_?s(?:amp\w*)?|\bodr|(?:\b|_)s(?:rate|freq|r(?= ?[(\[_]k?hz)|r{IN_HERTZ})"
+    rf"(?:\bf_?s(?:amp\w*)?|\bodr|(?:\b|_)s(?:rate|freq|r(?= ?[(\[_]k?hz)|r(?= ?[:=])|r{IN_HERTZ})"
     rf"|(?<!max[ .])(?<!imum )\b{SAMPLING}(?:\. ?|[ _-])?(?:rate|freq\w*\.?)"
-    r"|\b(?:abtast|mess)(?:rate|frequenz)|^\W*(?:rate|frequency)|\bsamples[ _]?(?:per |/)s\w*"
+    r"|\b(?:abtast|mess)(?:rate|frequenz)|\bsamples[ _]?(?:per |/)s\w*"
     r"|fr[eé][cq]u\w*\W+\w+\W+(?:échantillonnage|muestreo|campionamento|amostragem)"
+    r"|采样(?:率|频率)|サンプリング(?:レート|周波数)|частота дискретизации"
     r"|\b(?:samples|sampled|recorded|logged|created)\b(?:(?!pass|filter|cut).){0,200} at"
     rf"{IN_HERTZ}"
     rf"|(?=@){IN_HERTZ}|^\W*(?= \d[\d.,]* *(?:{HERTZ})\W*$)){OF_UNIT}",
     re.IGNORECASE,
 )
 OTHER_RATE = re.compile(  # which may be that of a camera or a radio beside the sensor
-    rf"\b(?:sampling|(?:data|daq|frame|capture|sensor|polling)[ _]?rate){IN_HERTZ}{OF_UNIT}",
+    rf"(?:^\W*(?:rate|freq(?:uency)?|f(?= ?={IN_HERTZ}))"
+    rf"|\b(?:sampling|(?:data|daq|frame|capture|sensor|polling)[ _]?rate){IN_HERTZ}){OF_UNIT}",
     re.IGNORECASE,
 )
 PERIOD = re.compile(
     rf"(?:\bsampl\w*[ _-]?(?:period|time)|\b{SAMPLING}[ _-]?interval|(?:\bdelta[ _]?|[Δ∆])[xt]|\bdt"
-    r"|\babtast(?:intervall|zeit|periode)|\bperiod(?=_)|^\W*in(?:crement|terval)"
+    r"|\btime between samples|\babtast(?:intervall|zeit|periode)|\bperiod(?=_)"
+    r"|^\W*in(?:crement|terval)"
     r"|\bts(?= *(?:[=(\[]|: *[\d.]+ *[mun]?s\b))|(?= \d[\d.,]* *[mun]?s\w*/(?:sample|point|pt))"
-    r"|\b(?:[hxt]_?|x-axis |time |waveform )(?:inc\w*|delta|interval|step|resolution))"
+    r"|\b(?:[hxt]_?|x-axis |time ?|waveform )(?:inc\w*|delta|interval|step|resolution))"
     rf"(?:(?:[ ]*[(\[]|_(?=[mun]?s\b))(?P<before>[µμ\w]+)[)\]]?)?{AMOUNT}"
     rf"(?P<unit>{SECONDS})?",
     re.IGNORECASE,
 )
-SAMPLES = re.compile(r"\b(?:npts|samples|points)[\"' \t:=,;]+(\d+)\b|\b(\d+) samples\b", re.I)
+SAMPLES = re.compile(
+    r"\b(?:npts|samples|points)[\"' \t:=,;]+(\d+)\b|\b(\d+) samples\b(?! ?(?:/|per))", re.I
+)
 UNIT = re.compile(  # in a row of units
     r"[(\[].*[)\]]|[mµμukM]?(V|A|g|N([·*⋅. ]?[cm]?m)?|Pa|Hz|T|G|W|K|s|m|ohm)|[cm]m|ns"
     r"|%|-|raw|a\.?u\.?|volts?"
@@ -275,11 +294,14 @@ def rate_doubts(
 
 
 def stated_rate(lines: Sequence[str]) -> float | None:
-    """Return the rate in Hz that lines state, if they do; a period may be that of the whole."""
-    return next(
-        filter(None, (_stated(how, each) for how in (RATE, PERIOD, OTHER_RATE) for each in lines)),
-        None,
-    )
+    """Return the rate in Hz that lines state, if they do; a period may be that of the whole.
+
+    A bare frequency below words of an excitation or a filter is none.
+    """
+    driven = next((n for n, line in enumerate(lines) if DRIVEN.search(line)), len(lines))
+    others = [line for n, line in enumerate(lines) if n < driven or not BARE.match(line)]
+    ways = ((RATE, lines), (PERIOD, lines), (OTHER_RATE, others))
+    return next(filter(None, (_stated(how, each) for how, said in ways for each in said)), None)
 
 
 def _stated(how: re.Pattern[str], line: str) -> float | None:
@@ -292,8 +314,10 @@ def _stated(how: re.Pattern[str], line: str) -> float | None:
     if how is PERIOD or unit in UNITS:  # Sample rate: 10 ms
         if not unit and re.match(r" ?[^\W\d_]", found.string[found.end("value") :]):
             return None  # delta x: 0.1 mm
-        return 1 / (value * seconds) if (seconds := UNITS.get(unit or "s")) else None
-    if FULL_SCALE.fullmatch(unit or re.findall(r"^\w*", found.string[found.end() :])[0]):
+        period = value * UNITS.get(unit or "s", 0.0)
+        whole = period > LONG and re.search(r"sampl\w*[ _-]?time", found[0], re.IGNORECASE)
+        return 1 / period if period and not whole else None
+    if NO_RATE.fullmatch(unit or re.findall(r"^\w*", found.string[found.end() :])[0]):
         return None  # FS: 4 g
     grouped = value < MIN_RATE and POINTS.fullmatch(found["value"])  # 1.000 Hz in Germany
     large = 1e6 if re.match("mhz|ms", unit) else 1 / 60 if unit.endswith("min") else 1

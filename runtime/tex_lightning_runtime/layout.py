@@ -267,13 +267,30 @@ def _with_heading(
         [cell for cell in column if kind(cell) == "number"]
         for column in zip(*columns.rows, strict=True)
     )
-    if 0 < len(empty := EMPTY.findall(data)) < FOOTER:
-        told = "lines stand between the numbers, which are read as one recording"
-        below.append(f"{len(empty)} empty {told}")
+    plain = without_comments(data)
+    below += _between(data, data.count(b"\n") - plain.count(b"\n"), above)
     named, units = names_and_units(heading)
-    return without_comments(data), Layout(
+    return plain, Layout(
         dialect, decimal=decimal, thousands=thousands, names=named, units=units, rate=rate,
         words={n: WORDS[each] for n, each in enumerate(columns.kinds) if each in WORDS},
         count=int("".join(count.groups(""))) if count else None,
         first_line=start + 1, notes=(*notes, *below),
     )  # fmt: skip
+
+
+def _between(data: bytes, remarks: int, above: list[str]) -> list[str]:
+    """Say that empty lines or remarks stand between numbers, where a recording may begin anew.
+
+    Raises:
+        TableError: If a remark is one that stands above the numbers.
+    """
+    for line in filter(COMMENT.match, above if remarks else ()):
+        if re.search(r"\w\w", line) and f"\n{line}\n".encode() in data:
+            raise TableError(
+                f"has {line.strip()[:40]!r} above the numbers and again between them; divide it "
+                "there, since a recording begins anew"
+            )
+    empty = len(EMPTY.findall(data))
+    found = {"empty": empty if empty < FOOTER else 0, "commented": remarks}
+    told = "lines stand between the numbers, which are read as one recording"
+    return [f"{count} {what} {told}" for what, count in found.items() if count]

@@ -30,6 +30,7 @@ UNITS = {  # in seconds
     for name in names.split()
 }
 EPOCH = (9e8, 4.2e9)  # seconds since 1970: 1998 to 2103
+DAY_NUMBERS = (35_796, 74_511), (729_756, 768_471)  # 1998 to 2103 in days, of Excel and of MATLAB
 DAY, HOUR = 86_400.0, 3600.0
 TURNS = {HOUR: DAY, 60.0: HOUR}  # seconds after which hours and minutes begin anew
 MIN_STAMPS = 5  # different ones that repeat; the rate by fewer may be off by a fifth
@@ -106,15 +107,18 @@ def _clock_seconds(text: "pd.Series[str]") -> Array:
     if not re.match(r"\d+:\d\d:", str(text.iloc[0])):  # minutes and seconds, as Excel shows them
         text, turn = "00:" + text, HOUR
     seconds = np.asarray(pd.to_timedelta(text).dt.total_seconds(), np.float64) % turn
-    begun = np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -turn / 2)
-    return np.asarray(seconds - seconds[0] + turn * begun)
+    falls = -np.diff(seconds, prepend=seconds[:1])
+    if turn == DAY and seconds.max() < 13 * HOUR and DAY / 2 - 60 < falls.max() <= DAY / 2:
+        seconds, turn = seconds % (DAY / 2), DAY / 2  # 12:59:59 to 1:00:00, without AM and PM
+        falls = -np.diff(seconds, prepend=seconds[:1])
+    return np.asarray(seconds - seconds[0] + turn * np.cumsum(falls > turn / 2))
 
 
 def number_seconds(values: Array, unit: float | None, name: str) -> Array:
     """Return times in seconds since the first of numbers.
 
     Without a unit, moments since 1970 have the one that puts them into this century, and others
-    are seconds if that gives the rate of a signal.
+    are seconds if that gives the rate of a signal, or else days of Excel or MATLAB.
 
     Args:
         values: Numbers; whole ones are subtracted exactly.
@@ -129,9 +133,11 @@ def number_seconds(values: Array, unit: float | None, name: str) -> Array:
     if unit is None:
         steps = np.diff(since)  # gaps and repetitions apart
         step = float(np.median(steps) or steps.mean()) if len(steps) else 0.0
-        if step and not MIN_RATE <= 1 / abs(step) <= MAX_RATE:
+        units = (1.0, DAY) if any(a < values[0] < b for a, b in DAY_NUMBERS) else (1.0,)
+        fits = (u for u in units if not step or MIN_RATE <= 1 / abs(step * u) <= MAX_RATE)
+        unit = next(fits, None)
+        if unit is None:
             raise ask_unit(name, f"which rises by {step:.6g} a sample, has no unit")
-        unit = 1.0
     return since * unit
 
 
