@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from tex_lightning_runtime.times import STAMP
+from tex_lightning_runtime.times import STAMP, TableError
 
 USUAL = 0.8  # of the cells of a column, which are of its kind, or all but one
 NO_SEPARATOR = "\x1f"  # where there is one column
@@ -22,6 +22,9 @@ NUMBER = re.compile(
     r"[-+]?(\d([\d.,'’ \u00a0\u202f]*[\d.])?|[.,]\d+)(e[-+]?\d+|d[-+]\d+)?|[-+]?inf(inity)?", re.I
 )
 QUANTITY = re.compile(rf"({NUMBER.pattern})\s*(?P<unit>[^\W\d_][^\d\s,;]{{0,5}}\d?|%|°\w?)", re.I)
+VECTOR = re.compile(  # several numbers in a cell: (0.1, 0.2, 9.8)
+    r"[(\[]\s*{0}(?:[,;\s]+{0})+\s*[)\]]".format(r"[-+]?[\d.]+(?:[eE][-+]?\d+)?")
+)
 THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+")
 POINTS = re.compile(r"[-+]?[1-9]\d{0,2}(\.\d{3})+")
 WHOLE = re.compile(r"[-+]?\d+")
@@ -110,6 +113,9 @@ def decimal_mark(columns: Iterable[Sequence[str]]) -> tuple[str, str | None]:
 
     Args:
         columns: The cells of each column that are numbers.
+
+    Raises:
+        TableError: If a column may be of thousands or of fractions.
     """
     forms = {*map(_form, columns)}
     decimal, thousands = next((m for form, m in MARKS.items() if form in forms), (".", None))
@@ -129,8 +135,17 @@ def _form(cells: Sequence[str]) -> str:
         if not all(map(grouped.fullmatch, marked)):
             return f"1{mark}5"
         whole = [cell for cell in cells if WHOLE.fullmatch(cell)]
-        small = all(len(cell.lstrip("+-")) < 4 for cell in whole)
-        if any(cell.count(mark) > 1 for cell in marked) or (whole and small):
+        largest = max((abs(int(cell)) for cell in whole), default=0)
+        if any(cell.count(mark) > 1 for cell in marked):
+            return f"1{mark}234{mark}567"
+        least = min(abs(int(cell.replace(mark, ""))) for cell in marked)
+        if 0 < 100 * largest <= least:  # 9,812 and 10
+            if mark == ",":
+                raise TableError(
+                    f"has {marked[0]!r} beside {largest}, whose comma may mark thousands or a "
+                    "fraction; write decimal points"
+                )
+        elif whole and largest < 1000:
             return f"1{mark}234{mark}567"
         return f"1{mark}234"  # of points alone they are decimal
     return ""

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 TIMES = {  # one of them makes a column one of time
     "time", "times", "timestamp", "timestamps", "datetime", "zeit", "zeiten", "zeitstempel",
-    "uhrzeit", "datenum", "temps", "tiempo", "tempo", "tijd", "czas", "epoch", "epoc", "elapsed", "时间",
-    "時間", "время", "시간",
+    "uhrzeit", "datenum", "temps", "tiempo", "tempo", "tijd", "czas", "epoch", "epoc", "elapsed",
+    "时间", "時間", "время", "시간",
 }  # fmt: skip
 OF_TIME = {  # a name is one of time if all of its words are such
     *TIMES, *UNITS, "t", "date", "clock", "stamp", "unix", "ts", "since", "start", "stop", "end",

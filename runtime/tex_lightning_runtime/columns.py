@@ -24,6 +24,7 @@ from tex_lightning_runtime.times import (
 )
 
 FILLERS, BEYOND = (999.0, 9999.0, 99999.0), 10  # in place of what is missing; times all others
+MIN_ROW = 4  # samples in a line, or more, which may be of one signal
 IDLE, LIVELY = 0.75, 0.5  # shares of samples that equal the one before: of states, of signals
 
 
@@ -88,6 +89,8 @@ def separate(
     blank = np.all([column.values.isna() for column in axes], axis=0)
     rows = ~blank if times is not None and not blank.all() else np.full(len(blank), True)
     samples = np.stack([_samples(column, rows) for column in axes])
+    if channels is None:
+        _check_order(axes, samples)
     found, said = Even(samples, rate or 0.0), rate_from if rate else ""
     cut = [] if rows.all() else [f"{(~rows).sum()} lines without numbers in its axes are left out"]
     if times is not None and time is not None:
@@ -150,6 +153,25 @@ def _warned(axes: list[Column]) -> list[str]:
             how = "if it is time, call it time_s in the line of names, or time_us by its unit"
             return [f"{_title(axis)} rises at every sample and is read as an axis; {how}"]
     return []
+
+
+def _check_order(axes: list[Column], samples: Array) -> None:
+    """Reject columns x0, x1, ... of samples (axes, samples) that are one signal, many a line.
+
+    A line then goes on where the one before ended, while each column leaps from line to line.
+    """
+    groups: dict[str, list[int]] = defaultdict(list)
+    for number, axis in enumerate(axes if axes[0].named else ()):
+        groups[re.sub(r"\d+", "", axis.name)].append(number)
+    for group in (g for g in groups.values() if len(g) >= MIN_ROW < samples.shape[1]):
+        rows = samples[group]
+        across, along = (np.abs(np.diff(rows, axis=n)).mean() for n in (0, 1))
+        on = np.abs(rows[0, 1:] - rows[-1, :-1]).mean()
+        if 0 < across < along / 2 and on < 1.5 * across:
+            raise TableError(
+                f"has one signal in {_title(axes[group[0]])} to {_title(axes[group[-1]])}, "
+                f"{len(group)} samples a line; write one a line, or choose by data.channels"
+            )
 
 
 def _unlike(axes: list[Column]) -> list[str]:

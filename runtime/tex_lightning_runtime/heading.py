@@ -27,7 +27,8 @@ VALUE = r"(?P<value>\.?\d[\d.,]*(?:e[-+]?\d+)?)"
 AMOUNT = rf"[\"']?[ \t:=,;@]+(?:is |- )?[\"']?\+?{VALUE}[\"']?[ \t,;(]*"
 SAMPLING = r"(?:samp\w*|update|output(?:[ _-]data)?|acq\w*|meas\w*|scan|log\w*)"
 HERTZ = (
-    "[km]?hz|kilohertz|[km]?s/s|[km]?sps|fps|samples ?(?:/|per )s\w*|(?:samples ?)?(?:/|per )min"
+    r"[km]?hz|kilohertz|[km]?s/s|[km]?sps|fps|samples ?(?:/|per )s\w*"
+    r"|(?:samples ?)?(?:/|per )min"
 )
 SECONDS = rf"(?:µs|{'|'.join(UNITS)})\b"
 IN_HERTZ = rf"(?=\W*\d[\d.,]* *(?:{HERTZ}))"

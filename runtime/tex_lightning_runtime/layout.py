@@ -9,6 +9,7 @@ from itertools import pairwise
 from tex_lightning_runtime.cells import (
     MISSING,
     NO_SEPARATOR,
+    VECTOR,
     WHOLE,
     Dialect,
     Kinds,
@@ -190,7 +191,8 @@ def _dialect(lines: list[str], given: str | None) -> tuple[str, str]:
     """Find separator and quotes in lines of numbers."""
     import clevercsv
 
-    text = "\n".join(UNIT_BEHIND.sub("", line.strip(" ")[:SHOWN]) for line in lines)
+    plain = (VECTOR.sub("0", line.strip(" ")[:SHOWN]) for line in lines)
+    text = "\n".join(UNIT_BEHIND.sub("", line) for line in plain)
     found = clevercsv.Detector().detect(text, delimiters=SEPARATORS)
     separator, quote = (found.delimiter, found.quotechar) if found else ("", "")
     if given:

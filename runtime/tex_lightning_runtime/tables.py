@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tex_lightning_runtime.cells import MISSING, NUMBER, QUANTITY, decimal_mark, kind
+from tex_lightning_runtime.cells import MISSING, NUMBER, QUANTITY, VECTOR, decimal_mark, kind
 from tex_lightning_runtime.column import Column
 from tex_lightning_runtime.columns import Reading, separate
 from tex_lightning_runtime.heading import mismatch
@@ -152,10 +152,22 @@ def _columns(frame: "pd.DataFrame", layout: Layout) -> list[Column]:
     columns = []
     for number in (n for n in range(count) if not empty[n]):
         name = str(number + 1) if names is None else names[number]
-        values, unit, fault = _numbers(frame[number])
-        unit = layout.units[number] if number < len(layout.units) else unit
-        columns.append(Column(name, unit, values, names is not None, number == 0, fault))
+        for title, cells in _divided(name, frame[number]).items():
+            values, unit, fault = _numbers(cells)
+            unit = layout.units[number] if number < len(layout.units) else unit
+            columns.append(Column(title, unit, values, names is not None, number == 0, fault))
     return columns
+
+
+def _divided(name: str, cells: "pd.Series[Any]") -> dict[str, "pd.Series[Any]"]:
+    """Return a column for each number in cells such as (0.1, 0.2, 9.8); others as they are."""
+    if not VECTOR.fullmatch(str(cells.iloc[0])):
+        return {name: cells}
+    text = cells.astype(str)
+    if not text.str.fullmatch(VECTOR).all():
+        return {name: cells}
+    parts = text.str.strip("()[] ").str.split(r"[,;\s]+", expand=True, regex=True)
+    return {f"{name}_{number + 1}": parts[number] for number in parts}
 
 
 def _begins_with_date(frame: "pd.DataFrame") -> bool:

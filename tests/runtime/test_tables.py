@@ -1,8 +1,10 @@
 """Tables as people and programs write them, against the numbers they were written from."""
 
 import csv
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 import pytest
@@ -65,6 +67,11 @@ LVM = (
     "X_Dimension\tTime\tTime\tTime\t\nX0\t0.0\t0.0\t0.0\t\nDelta_X\t0.0005\t0.0005\t0.0005\t\n"
     "***End_of_Header***\t\t\t\t\nX_Value\tAcc X\tAcc Y\tAcc Z\tComment\n"
 )
+GULF = (
+    ";Title, http://www.gcdataconcepts.com, X16-1c\r\n;Start_time, 2012-10-24, 03:29:25.409\r\n"
+    ";Temperature, 35.00, deg C,  Vbat, 1681, mv\r\n;Gain, low\r\n;SampleRate, 2000,Hz\r\n"
+    ";Deadband, 0, counts\r\n;DeadbandTimeout, 1,sec\r\n"
+)
 PROSE = "Recorded by tool A, in Munich, on a Monday\nSerial: 12, 13, 14\n\n"
 
 UNITS = {
@@ -108,7 +115,19 @@ READ = {
         "".join(f'{{"x": {a}, "y": {b}, "z": {c}}}\n' for a, b, c in zip(*XYZ, strict=True)), None
     ),
     "a unit in every cell": (table(*([f"{c} g" for c in each] for each in XYZ)), None),
+    "vectors": (table(times(), [f'"({x}, {y}, {z})"' for x, y, z in zip(*XYZ, strict=True)],
+                      names="time,acc\n"), RATE),
+    "vectors of NumPy": (table(times(), [f"[ {x}  {y} {z} ]" for x, y, z in zip(*XYZ, strict=True)],
+                               names="time,acc\n"), RATE),
     # what stands above and below
+    "Gulf Coast's logger": (
+        GULF + ";Headers, time,Ax,Ay,Az\r\n" + table(times(), *XYZ, end="\r\n"), RATE
+    ),
+    "Gulf Coast's new logger": (
+        f"{GULF};Time, Ax, Ay, Az\r\n" + table(times(), *XYZ) + ";shutdown: switched off\n", RATE
+    ),
+    "semicolons before all": (table([""] * COUNT, *XYZ, mark=";", names=";x;y;z\n"), None),
+    "a long remark": ("#" + "a" * 200_000 + "\n" + table(*XYZ, names="x,y,z\n"), None),
     "prose": (PROSE + table(*XYZ, names="x,y,z\n"), None),
     "prose, as many words": ("Tool A, Munich, Monday\n" + table(*XYZ, names="x,y,z\n"), None),
     "prose, no names": ("Tool A\n-----\n" + table(*XYZ), None),
@@ -135,6 +154,12 @@ READ = {
     **{
         stated: (f"{stated}\nx,y,z\n" + table(*XYZ), RATE)
         for stated in (
+            "sampleRateHz: 2000", "Abtastrate in Hz: 2000", "Sampling Rate - 2000 Hz", "sr=2000",
+            "Sampling rate is 2 kHz", "2000 samples per second", "2 kilohertz", "f = 2000 Hz",
+            "Timestep=0.0005", "Time between samples: 0.5 ms", "freq: 2000", "采样率: 2000",
+            "Excitation: sine\nFrequency: 50 Hz\nSampling rate: 2000", "Filter\nRate: 2000 Hz",
+            "Frequency: 50 Hz\nSampling rate: 2000 Hz", "Sample time: 0.12 s\nRate: 2000",
+            "Frequency: 2000\nFilter: 50 Hz",
             "Sample rate: 0.002 MHz", "Sample rate: 0.002 MS/s", "Sample rate: 0.5 ms",
             "Sampling interval (ms),0.5", "Sampling rate: 2000 s^-1", "Sampling rate (max): 2000",
             "2000 Hz", "# a b c @2000Hz", "Created on 1/3/2026 at 2000 Hz by A", "0.5 msec/sample",
@@ -235,6 +260,13 @@ READ = {
     ),
     "mm/dd/yyyy, AM": (
         table(clock("%m/%d/%Y %I:%M:%S.%f %p"), *XYZ, names="Date/Time,x,y,z\n"), RATE
+    ),
+    "days of Excel": (
+        table(column(45250.52 + TIMES / 86_400, "{:.11f}"), *XYZ, names="Date,x,y,z\n"), RATE
+    ),
+    "clock of twelve hours": (
+        table([c.replace("23:59:", "12:59:").replace("00:00:", "01:00:")
+               for c in clock("%H:%M:%S.%f")], *XYZ, names="time,x,y,z\n"), RATE
     ),
     "clock": (table(clock("%H:%M:%S.%f"), *XYZ, names="time,x,y,z\n"), RATE),
     "clock, comma": (
@@ -976,6 +1008,19 @@ REFUSED = {
     "whole numbers behind text": (
         table([f"x: {x}" for x in COUNTER], Y), "has 'x: 0' in column 1, a number within text"
     ),
+    "thousands or fractions": (
+        table(["9,812", "10"] * (COUNT // 2), names="x\n"),
+        "has '9,812' beside 10, whose comma may mark thousands or a fraction; write decimal points",
+    ),
+    "one signal, ten samples a line": (
+        table(times()[:60], *(column(np.sin(np.arange(k, 600, 10) / 9)) for k in range(10)),
+              names="time," + ",".join(f"s{k}" for k in range(10)) + "\n"),
+        "has one signal in 's0' to 's9', 10 samples a line; write one a line, or choose by",
+    ),
+    "remarks above again": (
+        ("# fs=2000\n# x y z\n" + table(*XYZ, mark=" ")) * 2,
+        "has '# fs=2000' above the numbers and again between them; divide it there, since",
+    ),
     "times in words": (table(["day 1"] * COUNT, *XYZ, names="time,x,y,z\n"), "'day 1' in the colu"),
 }  # fmt: skip
 
@@ -1111,6 +1156,7 @@ TOLD = {
     "an empty line": (
         f"{ROWS}\n{ROWS}", "1 empty lines stand between the numbers, which are read as one"
     ),
+    "a remark": (f"{ROWS}# run 2\n{ROWS}", "1 commented lines stand between the numbers, "),
     "lines that repeat": ("t,x,y,z\n" + TWICE, "1 lines that repeat the one before are left out"),
     "a line with text and a number as below": (
         "boot,440\n" + table(column(np.array(NUMBERS) * 7 % 99, "{}"), column(
@@ -1125,6 +1171,45 @@ def test_what_may_be_no_axis_or_rate_is_told(tmp_path, name):
     text, told = TOLD[name]
     notes = read_table(write(tmp_path, text))[2].notes
     assert any(told in note for note in notes), notes
+
+
+@pytest.mark.parametrize(
+    "above",
+    [
+        "Excitation: sine\nFrequency: 50 Hz", "[Stimulus]\nFrequency=50", "Low-pass\nfreq: 50 Hz",
+        "Frequency (excitation): 50 Hz", "Sample time: 1.5 s", "Sampling time (s): 10",
+        "Sample time: 10:00:00", "Scan rate: 50 mm/s",
+    ],
+)  # fmt: skip
+def test_what_is_no_rate_of_samples_is_not_taken_for_one(tmp_path, above):
+    samples, rate, _ = read_table(write(tmp_path, f"{above}\nx,y,z\n" + table(*XYZ)))
+    assert (samples.shape, rate) == ((3, COUNT), None)
+
+
+def test_sensors_that_move_together_are_not_one_signal(tmp_path):
+    common = np.sin(TIMES * 900)
+    near = [column(common + AXES[k % 3] / 50 * (k + 1)) for k in range(5)]
+    text = table(times(), *near, names="t,s0,s1,s2,s3,s4\n")
+    assert len(read_table(write(tmp_path, text))[0]) == 5
+
+
+def test_points_beside_whole_numbers_a_thousandth_as_large_are_fractions(tmp_path):
+    samples = read_table(write(tmp_path, table(["9.812", "10"] * 9, names="x\n")))[0]
+    np.testing.assert_allclose(samples[0], [9.812, 10] * 9)
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["[" + " " * 99_999, "[" * 99_999, '"' + "." * 50_000 + "," * 50_000 + '"', ";" * 99_999],
+)
+def test_hostile_lines_are_searched_in_time_that_grows_with_their_length(tmp_path, line):
+    path, begin = write(tmp_path, f"{line}\n" * 3), perf_counter()
+    with pytest.raises(TableError):
+        read_table(path)
+    path.write_text("x" + line.replace('"', "") + ",y,z\n" + table(*XYZ))
+    with suppress(TableError):  # 50,000 names
+        read_table(path)
+    assert perf_counter() - begin < 5
 
 
 def test_an_array_of_sensors_of_which_few_are_touched_is_no_state(tmp_path):
@@ -1162,6 +1247,14 @@ def test_columns_with_names_are_axes_however_few_samples_they_have(tmp_path, row
 def test_a_unit_that_is_given_counts(tmp_path):
     path = write(tmp_path, table(times(1e3), *XYZ, names="time (ticks),x,y,z\n"))
     assert read_table(path, None, "ms")[1] == pytest.approx(RATE)
+
+
+def test_day_numbers_of_matlab_are_times(tmp_path):
+    days = column(738_000.5 + TIMES / 86_400, "{:.11f}")  # a hundredth of a ms apart
+    rate = read_table(write(tmp_path, table(days, *XYZ, names="datenum,x,y,z\n")))[1]
+    assert rate == pytest.approx(RATE, rel=1e-4)
+    with pytest.raises(TableError, match="has no unit"):  # seconds of a scope
+        read_table(write(tmp_path, table(times(1e-3, "{:.9f}"), X, names="time,x\n")))
 
 
 def test_what_was_read_is_told(tmp_path):
