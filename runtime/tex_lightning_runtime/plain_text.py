@@ -98,7 +98,7 @@ def read_plain(path: Path) -> bytes:
     if b'"' in content[:HEAD]:  # lines within a cell
         names = BROKEN.sub(lambda found: found[0].replace(b"\n", b" "), content[:HEAD])
         content = names + content[HEAD:]
-    if REMARK.search(content) and NUMBER_FIRST.search(content) and not DIVIDED.search(content):
+    if b";" in content and not DIVIDED.search(content) and NUMBER_FIRST.search(content):
         content = REMARK.sub(b"#", content)
     if b"\x1b" in content:
         content = re.sub(rb"\x1b\[[\d;]*m", b"", content)  # colours
