@@ -497,7 +497,7 @@ def test_a_label_as_text_and_otherwise_is_no_single_class(strokes, one):
         tl.Estimator(rate=SLOW_RATE).fit(x, [one] * 4 + [str(one)] * 4 + ["b"] * 4)
 
 
-@pytest.mark.parametrize("name", ["verbose_", "_seed", "haptic.width_", "classes_", "predict", ""])
+@pytest.mark.parametrize("name", ["verbose_", "_seed", "classes_", "predict", ""])
 def test_a_name_that_is_no_key_is_not_passed_over(name):
     for give in (lambda keys: tl.Estimator(**keys), lambda keys: tl.Estimator().set_params(**keys)):
         with pytest.raises(tl.UserError, match=f"^'{name}' is no parameter; give a key of Hydra"):
@@ -517,3 +517,9 @@ def test_a_name_that_is_no_key_is_not_passed_over(name):
 def test_a_parameter_of_another_type_is_one_sentence(strokes, key, value, said):
     with pytest.raises(tl.UserError, match=f"^{said}"):
         tl.Estimator(**{"rate": SLOW_RATE, key: value}).fit(*strokes)
+
+
+def test_another_class_is_named_by_its_key(strokes):
+    model = tl.Estimator("haptic", rate=SLOW_RATE, **{"haptic.network._target_": "nowhere.Net"})
+    with pytest.raises(tl.UserError, match="nowhere"):
+        clone(model).fit(*strokes)

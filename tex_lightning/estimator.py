@@ -136,7 +136,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Return all parameters, and the keys that were given."""
-        names = (name for name in vars(self) if not name.startswith("_") and name[-1] != "_")
+        names = (name for name in vars(self) if not name.startswith("_") and not _is_fitted(name))
         return {name: getattr(self, name) for name in sorted(names)}
 
     def set_params(self, **params: Any) -> Self:  # noqa: ANN401
@@ -146,7 +146,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             UserError: If the name is that of a method, or of what a fit keeps.
         """
         for name, value in params.items():
-            if name.strip("_") != name or not name or hasattr(type(self), name):
+            if name[:1] in ("", "_") or _is_fitted(name) or hasattr(type(self), name):
                 raise InvalidInput(
                     f"{name!r} is no parameter; give a key of Hydra, which `python -m "
                     "tex_lightning --help=all` lists."
@@ -461,3 +461,8 @@ def _data(manifest: Path, cache: Path, rate: float | None) -> list[str]:
     given = {"data.manifest": manifest, "data.cache_dir": cache, "data.file_rate": rate}
     everything = ["data=manifest", "data.test_fold=null"]
     return [*everything, *(as_key_value(name, value) for name, value in given.items())]
+
+
+def _is_fitted(name: str) -> bool:
+    """Return whether an attribute is what a fit keeps, and no key such as x.network._target_."""
+    return name.endswith("_") and "." not in name

@@ -72,6 +72,7 @@ class Layout:
     rate: float | None  # in Hz, that stands above the numbers
     count: int | None  # of samples, that stands above them
     first_line: int  # number of the line in the file that they begin in
+    again: str  # a remark above them that stands between them, too
     notes: tuple[str, ...]  # what was skipped
 
 
@@ -270,29 +271,21 @@ def _with_heading(
         for column in zip(*columns.rows, strict=True)
     )
     plain = without_comments(data)
-    below += _between(data, data.count(b"\n") - plain.count(b"\n"), above)
+    told, again = _between(data, plain, above)
     named, units = names_and_units(heading)
     return plain, Layout(
         dialect, decimal=decimal, thousands=thousands, names=named, units=units, rate=rate,
         words={n: WORDS[each] for n, each in enumerate(columns.kinds) if each in WORDS},
         count=int("".join(count.groups(""))) if count else None,
-        first_line=start + 1, notes=(*notes, *below),
+        first_line=start + 1, again=again, notes=(*notes, *below, *told),
     )  # fmt: skip
 
 
-def _between(data: bytes, remarks: int, above: list[str]) -> list[str]:
-    """Say that empty lines or remarks stand between numbers, where a recording may begin anew.
-
-    Raises:
-        TableError: If a remark is one that stands above the numbers.
-    """
-    for line in filter(COMMENT.match, above if remarks else ()):
-        if re.search(r"\w\w", line) and f"\n{line}\n".encode() in data:
-            raise TableError(
-                f"has {line.strip()[:40]!r} above the numbers and again between them; divide it "
-                "there, since a recording begins anew"
-            )
-    empty = len(EMPTY.findall(data))
+def _between(data: bytes, plain: bytes, above: list[str]) -> tuple[list[str], str]:
+    """Return what to say of empty lines and remarks between numbers, and one that is above, too."""
+    remarks, empty = data.count(b"\n") - plain.count(b"\n"), len(EMPTY.findall(data))
     found = {"empty": empty if empty < FOOTER else 0, "commented": remarks}
     told = "lines stand between the numbers, which are read as one recording"
-    return [f"{count} {what} {told}" for what, count in found.items() if count]
+    again = (x for x in above if remarks and COMMENT.match(x) and re.search(r"\w\w", x))
+    again = (x for x in again if f"\n{x}\n".encode() in data)
+    return [f"{count} {what} {told}" for what, count in found.items() if count], next(again, "")

@@ -66,6 +66,11 @@ def read_table(path: Path, channels: Channels = None, time_unit: str | None = No
         frame = frame.T.reset_index(drop=True).infer_objects()
         notes = (*notes, f"each of its {rows} lines is read as an axis of {len(frame)} samples")
     samples, rate, reading = separate(_columns(frame, layout), channels, time_unit, layout.rate)
+    if layout.again and not reading.rate_from.startswith("times in"):
+        raise TableError(
+            f"has {layout.again.strip()[:40]!r} above the numbers and again between them; divide "
+            "it there, since a recording begins anew"
+        )
     return samples, rate, replace(reading, notes=(*notes, *reading.notes))
 
 

@@ -1025,6 +1025,17 @@ REFUSED = {
 }  # fmt: skip
 
 
+def test_names_that_a_logger_writes_again_divide_no_times(tmp_path):
+    rows = table(times(), *XYZ).splitlines(keepends=True)
+    half, names = COUNT // 2, "# time,x,y,z\n"
+    text = "".join([names, *rows[:half], names, *rows[half:]])
+    samples, rate, reading = read_table(write(tmp_path, text))
+    assert (samples.shape, rate) == ((3, COUNT), pytest.approx(RATE))
+    assert reading.notes == (
+        "1 commented lines stand between the numbers, which are read as one recording",
+    )
+
+
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_is_in_doubt_is_refused_in_one_sentence(tmp_path, name):
     text, message = REFUSED[name]
