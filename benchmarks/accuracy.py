@@ -181,12 +181,14 @@ def test(common: list[str], entry: Node, division: Node, told: Node | list[str])
                 runs.append(run_package([*common, *told, *keys], mixed, mask))
     tests = [prediction for tested, _ in runs for prediction in tested]
     correct = sum(label == predicted for label, predicted, _ in tests)
-    rate, (low, high) = score(tests, balanced), interval(tests, balanced)
+    rate = score(tests, balanced)
+    low, high = interval(tests, balanced, division.get("times", 1))
     return {
         "score": rate, "balanced": balanced, "correct": correct,
         "tested": len(tests), "ci_low": low, "ci_high": high,
         "fit_seconds": float(np.mean([seconds for _, seconds in runs])),
         "latency_ms": float(np.median([latency for _, _, latency in tests])),
+        "divisions": [score(tested, balanced) for tested, _ in runs],
     }  # fmt: skip
 
 
@@ -198,14 +200,16 @@ def score(tested: Tested, balanced: bool) -> float:
     return float(np.mean([np.mean(hits) for hits in correct.values()]))
 
 
-def interval(tested: Tested, balanced: bool) -> tuple[float, float]:
+def interval(tested: Tested, balanced: bool, times: int = 1) -> tuple[float, float]:
     """Return Wilson's 95 % interval of the score.
 
     The balanced score of classes of n recordings varies about as that of so many recordings in
-    all, were they equal: the classes times the harmonic mean of n.
+    all, were they equal: the classes times the harmonic mean of n. Those that are tested several
+    ``times``, after training on others, are no more recordings for that.
     """
     counts = [*Counter(label if balanced else "" for label, _, _ in tested).values()]
-    size, share, z = len(counts) * harmonic_mean(counts), score(tested, balanced), NORMAL
+    size, share = len(counts) * harmonic_mean(counts) / times, score(tested, balanced)
+    z = NORMAL
     centre = share + z**2 / (2 * size)
     half = z * (share * (1 - share) / size + z**2 / (4 * size**2)) ** 0.5
     low, high = ((centre + side * half) / (1 + z**2 / size) for side in (-1, 1))
@@ -234,7 +238,18 @@ def divide(rows: Rows, division: Node) -> list[list[bool]]:
     if kind == "first":
         firsts = {*next_of_each([replace(row, fold=0) for row in rows], value, fold=0, folds=1)}
         return [[row not in firsts for row in rows]]
+    if kind == "drawn":
+        return [drawn(rows, value, np.random.default_rng(n)) for n in range(division["times"])]
     return [[bool(is_tested(row, conditions)) for row in rows] for conditions in value]
+
+
+def drawn(rows: Rows, count: int, rng: np.random.Generator) -> list[bool]:
+    """Return which rows are tested: all but so many of each class by chance."""
+    numbers = defaultdict(list)
+    for number, row in enumerate(rows):
+        numbers[row.label].append(number)
+    trained = {n for those in numbers.values() for n in rng.permutation(those)[:count].tolist()}
+    return [number not in trained for number in range(len(rows))]
 
 
 def perturb(rows: Rows, changes: Node, folder: Path) -> Rows:

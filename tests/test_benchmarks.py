@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 from scipy.signal import welch
-from scipy.stats import multinomial
+from scipy.stats import binomtest, multinomial
 
 from benchmarks import __main__ as runner
 from benchmarks import _peers, accuracy, adaptation, device, drifting, shapes, shifts
@@ -157,6 +157,9 @@ def test_rows_are_divided_by_group_by_number_and_by_condition():
         return [[rows[n].group for n in range(4) if mask[n]] for mask in masks]
 
     assert tested({"first": 3}) == [[10]]
+    draws = tested({"drawn": 3, "times": 20})
+    assert [len(draw) for draw in draws] == [1] * 20
+    assert {number for draw in draws for number in draw} == {10, 2, 3, 1}
     assert tested({"folds": 2}) == [[3, 1], [10, 2]]
     assert tested({"tests": [{"lamp": "b"}, {"lamp": ["a", "b"]}]}) == [[3, 1], [10, 2, 3, 1]]
 
@@ -164,6 +167,14 @@ def test_rows_are_divided_by_group_by_number_and_by_condition():
 def test_balanced_scores_are_means_of_the_classes():
     tested = [("x", "x", 1.0)] * 3 + [("y", "x", 1.0)]
     assert [accuracy.score(tested, balanced) for balanced in (False, True)] == [0.75, 0.5]
+
+
+def test_a_recording_that_is_tested_again_makes_no_interval_smaller():
+    once = [("x", "x", 1.0)] * 3 + [("y", "x", 1.0)]
+    low, high = binomtest(3, 4).proportion_ci(method="wilson")
+    for times in (1, 5):
+        found = accuracy.interval(times * once, False, times)
+        np.testing.assert_allclose(found, (low, high), rtol=1e-6)
 
 
 SHAPES = """
