@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from tex_lightning.report.pictures import input_pixels, recording_picture
+from tex_lightning.report.pictures import captioned, input_pixels, recording_picture, row_of
 
 RATE = 1_000
 
@@ -33,3 +33,16 @@ def test_a_signal_is_shown_by_its_frequencies_and_a_photo_by_its_middle():
     photo = np.zeros((40, 80, 3), np.uint8)
     photo[:, 20:60] = 200
     assert np.all(recording_picture(photo, None, (16, 16)) == 200)
+
+
+def test_signs_of_other_languages_are_drawn_apart_from_each_other():
+    white = np.full((48, 160, 3), 255, np.uint8)
+    drawn = [row_of([white], [sign]).tobytes() for sign in "äöüßÄЖλ"]
+    assert len({*drawn}) == len(drawn)  # signs that a font lacks are all one box
+
+
+def test_a_caption_has_room_beside_a_narrow_picture():
+    narrow = np.full((48, 100, 3), 255, np.uint8)
+    short, long = (captioned([("i" * count, [narrow])]) for count in (3, 70))
+    assert short.shape[1] == 100 < long.shape[1]
+    assert captioned([("i" * 1000, [narrow])]).shape[1] == 320

@@ -77,3 +77,14 @@ def test_a_map_has_the_classes_that_the_fragments_are_given(fused, surfaces):
     for name, colour in {predicted: samples.LABEL, "alpha": samples.TRUE}.items():
         share = float((expected == classifier.card.classes.index(name)).float().mean())
         assert (colours == colour).all(axis=1).mean() == pytest.approx(share, abs=0.05)
+
+
+def test_a_long_class_is_shown_with_its_end_and_its_probability(monkeypatch):
+    rows = []
+    monkeypatch.setattr(samples, "captioned", rows.extend)
+    made = outcome("a" * 90 + "z", "b", b=0.25)
+    samples.sample_picture(samples.ShownSample(made, {}))
+    (label, _), (called, _), _ = rows
+    assert label.endswith("z (0%)")
+    assert len(label) < 50
+    assert called == "called b (25%)"

@@ -1,6 +1,8 @@
 """Pictures of recordings and of network inputs as pixels, in rows with captions."""
 
+import math
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import cv2
@@ -8,10 +10,12 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 import torch
+from matplotlib.font_manager import findfont
+from matplotlib.ft2font import FT2Font
 from PIL import Image, ImageDraw, ImageFont
 from torch import Tensor
 
-from tex_lightning.report.style import brief
+from tex_lightning.report.style import STYLE, brief
 from tex_lightning.senses.features.image import ImageFeatures
 from tex_lightning.text import printable
 
@@ -22,10 +26,12 @@ STRETCHED = 8  # times as long as wide, from which the sides of a picture are ch
 MIN_SIDE = 96  # pixels on the shorter side, to which smaller inputs are enlarged
 MAX_SIDE = 640  # pixels along a picture
 LINE = 14  # pixels of a line of text
+LETTERS = 10  # pixels of a letter's height
 GAP = 6
 WINDOW = 0.05  # s, of a spectrogram
 FLOOR = 1e-6  # of the largest power, which a picture shows
 MAX_CAPTION = 40  # characters
+CAPTIONED = 320  # pixels that a caption may widen narrow pictures to
 
 
 def input_pixels(x: Tensor, features: object, largest: int = MAX_SIDE) -> Pixels:
@@ -107,28 +113,42 @@ def row_of(pictures: Sequence[Pixels], captions: Sequence[str], across: int = 4)
     rows = -(-len(pictures) // columns)
     size = (columns * (width + GAP) - GAP, rows * (height + GAP) - GAP)
     sheet = Image.new("RGB", size, "white")
-    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(LINE - 4)
+    draw = ImageDraw.Draw(sheet)
     for place, (picture, caption) in enumerate(zip(pictures, captions, strict=True)):
         x, y = place % columns * (width + GAP), place // columns * (height + GAP)
         sheet.paste(Image.fromarray(picture), (x, y))
-        text = _fitting(brief(caption, MAX_CAPTION), font, width)
-        draw.text((x, y + picture.shape[0] + 1), text, fill="black", font=font)
+        _write(draw, (x, y + picture.shape[0] + 1), brief(caption, MAX_CAPTION), width)
     return np.asarray(sheet)
 
 
-def _fitting(text: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, width: int) -> str:
-    """Return as much of a text as fits a width in pixels."""
+def _write(draw: ImageDraw.ImageDraw, place: tuple[int, int], text: str, width: int) -> None:
+    """Write as much of a text as fits a width in pixels."""
+    font = _font(text)
     while len(text) > 1 and font.getlength(text) > width:
         text = f"{text[:-2]}…"
-    return text
+    draw.text(place, text, fill="black", font=font)
+
+
+def _font(text: str) -> ImageFont.FreeTypeFont:
+    """Return the first of the figures' fonts that has all signs of a text, or the first."""
+    fonts = [_loaded(name) for name in STYLE["font.family"]]
+    return next((font for font, signs in fonts if {*map(ord, text)} <= signs), fonts[0][0])
+
+
+@cache
+def _loaded(name: str) -> tuple[ImageFont.FreeTypeFont, set[int]]:
+    """Return a font and its signs; Pillow's own has no umlauts."""
+    file = findfont(name)
+    return ImageFont.truetype(file, LETTERS), {*FT2Font(file).get_charmap()}
 
 
 def captioned(rows: Sequence[tuple[str, Sequence[Pixels]]]) -> Pixels:
     """Return pictures below each other, in rows with a caption above each that has one."""
-    font = ImageFont.load_default(LINE - 3)
     sizes = []
     for caption, pictures in rows:
-        width = sum(picture.shape[1] + GAP for picture in pictures) - GAP if pictures else 0
+        length = _font(caption).getlength(printable(caption))
+        width = min(CAPTIONED, math.ceil(length))
+        width = max(width, sum(picture.shape[1] + GAP for picture in pictures) - GAP)
         height = max((picture.shape[0] for picture in pictures), default=0)
         sizes.append((width, height + (LINE if caption else 0) + 2))
     width = max(*(size[0] for size in sizes), MIN_SIDE)
@@ -136,7 +156,7 @@ def captioned(rows: Sequence[tuple[str, Sequence[Pixels]]]) -> Pixels:
     draw, y = ImageDraw.Draw(sheet), 0
     for (caption, pictures), (_, height) in zip(rows, sizes, strict=True):
         if caption:
-            draw.text((0, y), _fitting(printable(caption), font, width), fill="black", font=font)
+            _write(draw, (0, y), printable(caption), width)
         x, top = 0, y + (LINE if caption else 0)
         for picture in pictures:
             sheet.paste(Image.fromarray(picture), (x, top))

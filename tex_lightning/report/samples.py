@@ -18,7 +18,8 @@ from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store, load_recording
 from tex_lightning.evaluation.outcomes import Outcome
-from tex_lightning.report.pictures import Pixels, captioned, input_pixels
+from tex_lightning.report.pictures import MAX_CAPTION, Pixels, captioned, input_pixels
+from tex_lightning.report.style import brief
 from tex_lightning.senses.base import Sense
 
 WIDTH = 320  # pixels of a picture of a recording
@@ -150,8 +151,11 @@ def sample_picture(shown: ShownSample) -> Pixels:
     """Return a sample as one picture: as recorded, as the network gets it, what it made of it."""
     outcome, known = shown.outcome, shown.outcome.class_probabilities
     right = outcome.label == outcome.predicted
-    called = "so" if right else f"{outcome.predicted} ({known.get(outcome.predicted, 0):.0%})"
-    told = [f"{outcome.label} ({known.get(outcome.label, 0):.0%})", f"called {called}"]
+    label, predicted = (
+        f"{brief(name, MAX_CAPTION)} ({known.get(name, 0):.0%})"
+        for name in (outcome.label, outcome.predicted)
+    )
+    told = [label, f"called {'so' if right else predicted}"]
     rows: list[tuple[str, Sequence[Pixels]]] = [(line, ()) for line in told]
     for name, sense in shown.senses.items():
         pictures = [sense.picture, sense.map]
