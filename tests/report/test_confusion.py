@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from tex_lightning.report.figures import confusion_figure, recall_figure
+from tex_lightning.evaluation.outcomes import Outcome
+from tex_lightning.report.figures import calibration_figure, confusion_figure, recall_figure
 
 
 @pytest.mark.parametrize("count", [12, 69])
@@ -33,3 +34,18 @@ def test_bars_are_the_recall_of_each_tested_class_the_least_on_top():
     assert dict(zip(named, widths, strict=True)) == {"oak": 0.8, "pine": 0.5}  # nothing of felt
     assert named[-1] == "pine"
     assert "65.0%" in axes.get_xlabel()
+
+
+def test_classes_of_equal_recall_stand_in_their_order_from_the_top():
+    classes = [f"class {number:02}" for number in range(40)]
+    (axes,) = recall_figure(np.roll(np.eye(40, dtype=np.int64), 1, axis=1), classes, "none").axes
+    assert [label.get_text() for label in axes.get_yticklabels()][::-1] == classes
+
+
+def test_a_bin_without_any_correct_sample_is_seen():
+    sure = Outcome({}, "a", "b", 1, 1, 0, 1.0, probabilities='{"a": 0.1, "b": 0.9}')
+    (axes,) = calibration_figure([sure], "haptic").axes
+    _, points = axes.get_lines()
+    (bar,) = axes.patches
+    assert points.get_xydata().tolist() == [[pytest.approx(bar.get_x() + bar.get_width() / 2), 0]]
+    assert points.get_marker() == "o"

@@ -29,7 +29,7 @@ def test_the_most_accurate_is_on_top_and_among_equals_the_fastest():
 @pytest.mark.parametrize(("chance", "drawn"), [(0.25, True), (0.01, False)])
 def test_chance_is_said_and_drawn_where_it_is_near(chance, drawn):
     figure = frontier_figure(ROWS, "of mine", chance)
-    assert f"chance {chance:.1%}" in figure.get_suptitle()
+    assert f"chance {chance:.1%}\nblue: no other" in figure.get_suptitle()
     dotted = [line for line in figure.axes[0].get_lines() if line.get_linestyle() == ":"]
     assert len(dotted) == drawn
 

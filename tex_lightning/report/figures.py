@@ -94,7 +94,8 @@ def recall_figure(counts: Counts, classes: list[str], title: str) -> Figure:
         title: Above the figure.
     """
     recall = recall_by_class(counts)
-    order = [row for row in np.argsort(recall)[::-1].tolist() if np.isfinite(recall[row])]
+    ranked = np.argsort(recall, kind="stable")[::-1]
+    order = [row for row in ranked.tolist() if np.isfinite(recall[row])]
     figure = Figure(figsize=(5, 1 + 0.16 * len(order)), layout="constrained")
     axes = figure.subplots()
     axes.barh(range(len(order)), recall[order], height=0.7)
@@ -121,7 +122,9 @@ def calibration_figure(outcomes: Sequence[Outcome], name: str) -> Figure:
     used = np.unique(bins)
     shares = [correct[bins == n].mean() for n in used]
     axes.plot([0, 1], [0, 1], color=GUIDE, linestyle="--")
-    axes.bar((edges[used] + edges[used + 1]) / 2, shares, width=1 / BINS, edgecolor="white")
+    middles = (edges[used] + edges[used + 1]) / 2
+    axes.bar(middles, shares, width=1 / BINS, edgecolor="white")
+    axes.plot(middles, shares, "o", clip_on=False)  # a bar of height zero cannot be seen
     axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="probability of the label", ylabel="accuracy")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(PercentFormatter(1))

@@ -16,6 +16,7 @@ ROW = 0.27  # inches
 LONGEST = 70  # characters of a name
 LINE = 26  # characters of a line of it
 TALL = 1.35  # times the height of a row where names have two lines
+BLUE = "blue: no other system is both more accurate and faster"
 NEAR = 0.2  # of chance to the least accuracy
 ROOM = 1.22  # times the longest bar, for its number
 
@@ -58,7 +59,7 @@ def frontier_figure(rows: Sequence[FrontierRow], title: str, chance: float) -> F
         axes.set_axisbelow(True)
         axes.tick_params(axis="y", length=0)
         axes.spines[["top", "right", "left"]].set_visible(False)
-    figure.suptitle(f"{title}, chance {chance:.1%}")
+    figure.suptitle(f"{title}, chance {chance:.1%}\n{BLUE}", fontsize=9)
     return figure
 
 
