@@ -46,17 +46,24 @@ def test_each_fold_is_judged_by_its_own_threshold(pooled):
     assert found["threshold"] == 0.25
 
 
+def test_a_fold_without_a_threshold_gets_that_of_the_samples_of_the_others(pooled):
+    found = pooled([None, None], 0.3)  # 0.4 for the first fold, 0.2 for the second
+    assert found["threshold"] == pytest.approx(0.3)
+    assert found["false_rejections"] == {"count": 2, "of": 4, "share": 0.5}
+    assert found["accepted_unknown"] == {"count": 1, "of": 2, "share": 0.5}
+    assert pooled([None, 0.5], 0.3)["false_rejections"]["count"] == 0
+
+
 def test_without_a_threshold_the_areas_alone_are_known(pooled):
-    found = pooled([None, 0.2], 0.3)
-    assert found["threshold"] is None
-    assert "false_rejections" not in found
+    found = pooled([None, None], None)
+    assert not {"rate", "threshold", "false_rejections"} & {*found}
     assert (found["classes"], found["samples"], found["auroc"]) == (["c"], 2, 0.5)
     labels, novelties = [0, 0, 0, 0, 1, 1], [0.1, 0.2, 0.3, 0.4, 0.25, 0.9]
     assert found["novelty_auroc"] == pytest.approx(roc_auc_score(labels, novelties))
-    assert "rate" not in pooled([None, None], None)
 
 
 def test_one_novelty_that_is_not_measured_leaves_no_area():
     known, unknown = [outcome("a", "a", 0.1)], [outcome("c", "a", 0.9), outcome("c", "a", math.nan)]
     assert unknown_entry([(known, unknown[:1], None)], None)["unknown"]["novelty_auroc"] == 1
     assert unknown_entry([(known, unknown, None)], None)["unknown"]["novelty_auroc"] is None
+    assert unknown_entry([(known, [], None)], 0.1) == {"unknown": {"rate": 0.1, "threshold": None}}

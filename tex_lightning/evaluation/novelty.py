@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from tex_lightning.classifier.card import novelty_threshold
 from tex_lightning.classifier.classifier import Decider
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store
@@ -43,12 +44,20 @@ def pool_unknown(
     directory: Path,
     rate: float | None,
 ) -> dict[str, Any]:
-    """Pool :func:`report_unknown` of several folds, whose files have the held-out samples."""
+    """Pool :func:`report_unknown` of several folds, whose files have the held-out samples.
+
+    A fold whose network has no threshold, for want of a validation fold, gets that of the known
+    samples of the other folds, each by its own network (cross-conformal prediction).
+    """
     files = [_file(fold, name) for fold in folds]
     unknown = [read_outcomes(file) if file.is_file() else [] for file in files]
     if pooled := [outcome for part in unknown for outcome in part]:
         write_outcomes(pooled, _file(directory, name))
     limits = [entry.get("unknown", {}).get("threshold") for entry in folds.values()]
+    for place, limit in enumerate(limits if rate else ()):
+        others = [x.novelty for part in (*known[:place], *known[place + 1 :]) for x in part]
+        if limit is None and rate and others and not any(map(math.isnan, others)):
+            limits[place] = novelty_threshold(others, rate)
     return unknown_entry(list(zip(known, unknown, limits, strict=True)), rate)
 
 
