@@ -6,6 +6,7 @@ import os
 import signal
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hydra import compose, initialize_config_dir
@@ -14,6 +15,7 @@ from omegaconf import OmegaConf
 from tex_lightning.config import CONF, register
 from tex_lightning.config.quoting import as_typed
 from tex_lightning.core.run_folder import (
+    claim_folder,
     find_checkpoint,
     locked_folder,
     remove_if_empty,
@@ -77,6 +79,14 @@ def test_a_folder_belongs_to_one_process_until_that_ends(tmp_path):
     os.waitpid(child, 0)
     with locked_folder(tmp_path / "run"):
         pass
+
+
+@pytest.mark.parametrize(("origin", "key"), [("sweep", "sweep"), ("command", "run")])
+def test_a_folder_of_another_run_is_refused_by_the_key_that_chose_it(tmp_path, origin, key):
+    folder = make(tmp_path, "haptic", seed=1)
+    job = SimpleNamespace(directory=folder, origin=origin)
+    with pytest.raises(UserError, match=rf"another seed; choose another hydra\.{key}\.dir"):
+        claim_folder(OmegaConf.create(), {"seed": 2}, job)
 
 
 @pytest.mark.parametrize("number", [errno.ENOLCK, errno.EOPNOTSUPP])

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from omegaconf import OmegaConf
 
 from tex_lightning.evaluation.outcomes import Outcome, summarise, write_outcomes
@@ -255,3 +256,39 @@ def test_values_of_a_search_by_decades_are_written_without_signs_of_math(tmp_pat
     texts = [text.get_text() for text in figure.axes[0].get_xticklabels()]
     assert "0.01" in texts
     assert not any("$" in text for text in texts)
+
+
+def test_numbers_that_lie_close_are_not_written_over_each_other(tmp_path):
+    for number, rate in enumerate((0.0007368, 0.001885, 0.002128, 0.00695)):
+        trial(tmp_path / "jobs" / str(number), 0.1 * number, 0.5, rate=rate)
+    rows = sweep_rows(jobs_of(tmp_path / "jobs"), searched=True)
+    figure = key_figure(rows, "rate", {"rate": "rate"}, searched=True)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    labels = (text for text in figure.axes[0].get_xticklabels() if text.get_text())
+    boxes = [label.get_window_extent(canvas.get_renderer()) for label in labels]
+    assert all(one.x1 < other.x0 for one, other in itertools.pairwise(boxes))
+
+
+@pytest.mark.parametrize("widths", [(1, 2), (1, 100)])
+def test_lines_of_equal_accuracy_stand_side_by_side(tmp_path, widths):
+    for number, (width, norm) in enumerate(itertools.product(widths, ["batch", "layer"])):
+        trial(tmp_path / "jobs" / str(number), 0.1, 0.5, width=width, norm=norm)
+    rows = sweep_rows(jobs_of(tmp_path / "jobs"), searched=False)
+    names = {"width": "width", "norm": "norm"}
+    (axes,) = key_figure(rows, "width", names, searched=False).axes
+    first, second = (container.lines[0].get_xdata() for container in axes.containers)
+    assert np.all(first < second)
+    assert np.all(second < np.asarray(first) * 1.1)
+
+
+def test_a_finished_job_that_another_sweep_may_not_take_keeps_its_row(tmp_path):
+    finish(tmp_path / "0", 0, 8)
+    failure = {"error": "holds a run with another seed", "overrides": ["model=haptic", "seed=5"]}
+    (tmp_path / "0" / "failure.json").write_text(json.dumps(failure))
+    first, second = swept(tmp_path)
+    assert first["status"] == "holds a run with another seed"
+    assert (first["seed"], first["vote_accuracy"]) == ("5", "")
+    assert (second["seed"], second["vote_accuracy"], second["status"]) == ("0", "0.8", "done")
+    assert SweepSummary.failures == 1
+    assert "holds a run with another seed" in (tmp_path / "report.html").read_text()

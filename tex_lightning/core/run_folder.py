@@ -114,7 +114,7 @@ def claim_folder(composed: DictConfig, values: dict[str, Any], job: "Job") -> No
             differing = ["task"] if "task" in differing else differing  # which brings the others
             raise UserError(
                 f"Run folder {directory} holds a run with another {listed(differing)}; "
-                "choose another hydra.run.dir."
+                f"choose another hydra.{'sweep' if job.origin == 'sweep' else 'run'}.dir."
             )
         log.info("Going on with the run in %s.", directory)
     write_text(note, json.dumps(wanted, indent=1, sort_keys=True))

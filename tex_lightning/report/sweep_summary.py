@@ -7,6 +7,7 @@ from pathlib import Path
 from statistics import mean, stdev
 from typing import NamedTuple
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, PercentFormatter
@@ -26,6 +27,7 @@ from tex_lightning.report.trials import (
     TrialRow,
     assigned,
     columns,
+    failure_tables,
     short,
     short_names,
     shown_rows,
@@ -39,6 +41,8 @@ MAX_LINES = 6  # combinations of the other keys that have a line each; else they
 MAX_FIGURES = 12
 WIDE = 30  # ratio of the largest to the smallest value from which on the axis is logarithmic
 OBJECTIVE = f"{LOSS}, the objective"
+CLOSE = 1 / 7  # of the axis, below which two numbers beside each other would overlap
+APART = 0.01  # of the axis, between the intervals of two lines at one value
 TURNED = 24  # characters of all values together, from which on they are written upwards
 
 
@@ -66,7 +70,7 @@ def summarise(directory: Path, *, searched: bool) -> int:
     table = sweep_table(rows, searched=searched)
     _print(table, rows, directory)
     draw_sweep(rows, directory, searched=searched)
-    write_report(directory, jobs, [table])
+    write_report(directory, jobs, [table, *failure_tables(rows)])
     return sum(row["status"] != "done" for row in rows)
 
 
@@ -152,8 +156,10 @@ def key_figure(
     figure = Figure(figsize=(4.6, 3.2), layout="constrained")
     axes = figure.subplots()
     places = _place(axes, order)
-    for (name, points), look in zip(lines.items(), looks(lines).values(), strict=True):
-        _draw(axes, points, places, name, look, joined=not searched)
+    middle = (len(lines) - 1) / 2
+    for row, (name, look) in enumerate(looks(lines).items()):
+        beside = _moved(places, APART * (row - middle), logarithmic=axes.get_xscale() == "log")
+        _draw(axes, lines[name], beside, name, look, joined=not searched)
     if searched:
         _star(axes, rows, key, places)
     else:
@@ -210,14 +216,23 @@ def _place(axes: Axes, order: Sequence[str]) -> dict[str, float]:
             axes.tick_params(axis="x", rotation=90)
         return {value: float(place) for place, value in enumerate(order)}
     places = {value: float(value) for value in order}
-    least, most = min(places.values()), max(places.values())
-    if least > 0 and most / least >= WIDE:
+    across = np.array([*places.values()])
+    if across[0] > 0 and across[-1] / across[0] >= WIDE:
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")  # signs of math are off
-    if len(order) <= 8:
+        across = np.log(across)
+    if np.diff(across).min() >= CLOSE * np.ptp(across) * (1 - 1e-9):
         axes.set_xticks([*places.values()], [*map(short, places)])
         axes.xaxis.set_minor_formatter(NullFormatter())
     return places
+
+
+def _moved(places: dict[str, float], share: float, *, logarithmic: bool) -> dict[str, float]:
+    """Return places a share of the axis further on."""
+    least, most = min(places.values()), max(places.values())
+    if logarithmic:
+        return {value: place * (most / least) ** share for value, place in places.items()}
+    return {value: place + (most - least) * share for value, place in places.items()}
 
 
 def _draw(

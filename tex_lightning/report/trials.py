@@ -57,27 +57,32 @@ def sweep_rows(jobs: Sequence[Path], *, searched: bool) -> list[TrialRow]:
 
 
 def _of_job(job: Path) -> list[TrialRow]:
-    """Return a row for each network that a job tested, or one with its status."""
+    """Return a row for each network that a job tested, or one with its status.
+
+    A finished job that was to run again with other settings has both.
+    """
     start: TrialRow = {
         JOB: job.name,
         "overrides": typed_overrides(job),
         "settings": run_settings(job),
     }
+    failed = []
     if (job / FAILURE).is_file():
         failure = read_record(job / FAILURE)
-        return [{**start, "overrides": failure["overrides"], "status": failure["error"]}]
+        failed = [{**start, "overrides": failure["overrides"], "status": failure["error"]}]
     results = job / "results.json"
     if not results.is_file():
         silent = {f"task={task}" for task in SILENT} & {*start["overrides"]}
-        return [{**start, "status": "done" if silent else "not finished"}]
+        return failed or [{**start, "status": "done" if silent else "not finished"}]
     start["status"] = "done"
     # a frontier, a profile and a test of stability have tables of their own
     networks = read_record(results).get("networks", {})
-    return [
+    tested = [
         {**start, "network": name, **figures(network, metrics_in("sweep"))}
         for name, network in networks.items()
         if "vote_accuracy" in network or network.get("test_samples") == 0
-    ] or [start]
+    ]
+    return failed + (tested or [start])
 
 
 def _mark_best(rows: Sequence[TrialRow]) -> None:
@@ -193,6 +198,12 @@ def sweep_table(rows: Sequence[TrialRow], *, searched: bool) -> Table:
     ]
     said = SEARCHED if searched else NOT_SEARCHED
     return Table("Sweep", lines, f"{said} Of seeds: mean and standard deviation.")
+
+
+def failure_tables(rows: Sequence[TrialRow]) -> list[Table]:
+    """Return a table of the jobs that are not done and why, if there are any."""
+    lines = [{JOB: row[JOB], "reason": row["status"]} for row in rows if row["status"] != "done"]
+    return [Table("Jobs that are not done", lines)] if lines else []
 
 
 def short(value: str) -> str:
