@@ -9,7 +9,15 @@ import pytest
 from sklearn.metrics import balanced_accuracy_score, f1_score, recall_score, top_k_accuracy_score
 
 from tex_lightning.core.files import read_rows
-from tex_lightning.evaluation.metrics import METRICS, Metric, class_metrics, pooled_metrics, told
+from tex_lightning.evaluation.metrics import (
+    METRICS,
+    Metric,
+    class_metrics,
+    figures,
+    metrics_in,
+    pooled_metrics,
+    told,
+)
 from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.report.table import facts
 
@@ -70,8 +78,27 @@ def test_every_figure_of_a_run_is_found_where_the_table_says(bands):
     assert METRICS["val_loss"].told({"val_loss": None}) == ""
 
 
-# Of three classes, of every fragment and of a fit without validation, there are none of these
-ABSENT = {"top_3_accuracy", "top_5_accuracy", "relative_macs"}
+# Of three classes, of every fragment and of a fit that rejects nothing, there are none of these
+ABSENT = {
+    "top_3_accuracy", "top_5_accuracy", "relative_macs", "novelty_auroc", "false_rejections",
+    "accepted_unknown",
+}  # fmt: skip
+
+
+def test_what_is_called_unknown_is_in_the_tables_of_a_sweep():
+    entry = {
+        "vote_accuracy": 0.5,
+        "unknown": {
+            "novelty_auroc": 0.75,
+            "false_rejections": {"count": 1, "of": 4, "share": 0.25},
+            "accepted_unknown": None,
+        },
+    }
+    expected = {"novelty_auroc": 0.75, "false_rejections": 0.25}
+    assert expected.items() <= figures(entry, metrics_in("sweep")).items()
+    assert told(entry, metrics_in("trials")) == {
+        "AUROC of unknown": "0.750", "false rejections": "25.0%"
+    }  # fmt: skip
 
 
 def test_the_arithmetic_of_small_networks_is_not_nothing():

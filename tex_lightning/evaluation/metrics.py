@@ -120,6 +120,13 @@ METRICS = {
             Metric(name, f"calibration.{name}", heading, form=".3f", places=())
             for name, heading in (("ece", "ECE"), ("brier", "Brier score"), ("nll", "NLL"))
         ),
+        Metric("novelty_auroc", "unknown.novelty_auroc", "AUROC of unknown", form=".3f",
+               places=("sweep", "trials")),
+        *(
+            Metric(name, f"unknown.{name}.share", name.replace("_", " "),
+                   places=("sweep", "trials"))
+            for name in ("false_rejections", "accepted_unknown")
+        ),
         Metric("fragment_accuracy", "fragment_accuracy", "fragments", group="costs",
                places=(*RUNS, "folds")),
         Metric("latency_ms", "latency_ms.median", "ms/sample", form=".1f", group="costs",

@@ -157,8 +157,8 @@ def key_figure(
     axes = figure.subplots()
     places = _place(axes, order)
     middle = (len(lines) - 1) / 2
-    for row, (name, look) in enumerate(looks(lines).items()):
-        beside = _moved(places, APART * (row - middle), logarithmic=axes.get_xscale() == "log")
+    for number, (name, look) in enumerate(looks(lines).items()):
+        beside = _moved(places, APART * (number - middle), logarithmic=axes.get_xscale() == "log")
         _draw(axes, lines[name], beside, name, look, joined=not searched)
     if searched:
         _star(axes, rows, key, places)
