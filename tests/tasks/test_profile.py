@@ -44,6 +44,12 @@ def test_profile_of_both_networks(cli, tmp_path):
         rate = 2 * network["macs"] / network["fcn_ms"] / 1e6
         assert network["roofline_fraction"] == pytest.approx(rate / network["gemm_gflops"])
     assert results["networks"]["visual"]["windows"] == 4 * 2  # 320x256 pixels, 224 every 32
+    page = (tmp_path / "report.html").read_text()
+    for key in ("speedup", "label_agreement"):
+        cells = [f"<td>{network[key]:,.4g}</td>" for network in results["networks"].values()]
+        assert f"<td>{key}</td>{''.join(cells)}" in page
+    agree = all(network["label_agreement"] == 1 for network in results["networks"].values())
+    assert agree != ("windows are padded at their edges" in page)
 
 
 def test_a_profiled_checkpoint_has_its_own_name(cli, fused, tmp_path):

@@ -20,6 +20,7 @@ from tex_lightning.report.table import (
     condition_rows,
     facts,
     is_tiny,
+    profile_table,
     read_or_empty,
     run_overrides,
     run_settings,
@@ -136,7 +137,9 @@ def _date(directory: Path) -> str:
 
 
 def _own_tables(results: Mapping[str, Any]) -> list[Table]:
-    """Return the table of first failures, or that of accuracy by condition, if there is one."""
+    """Return the table of first failures, of a profile or of accuracy by condition, if any."""
+    if results.get("task") == "profile":
+        return [profile_table(results["networks"])]
     if "failures" in results:
         from tex_lightning.report.stability_charts import failure_table  # Matplotlib is slow
 

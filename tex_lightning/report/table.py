@@ -18,6 +18,7 @@ from tex_lightning.evaluation.metrics import METRICS, counts_text, metrics_in, t
 
 PAPER = Path(__file__).with_name("paper.yaml")
 TINY = "debug=tiny shrank every budget of this run: its accuracy has no meaning."
+PADDED = "label_agreement is below 1 where windows are padded at their edges."
 FOLD_KEYS = ("data.test_fold", "data.val_fold")
 # Beginnings of settings that leave a system what it is: its runs are pooled.
 POOLED = (
@@ -108,6 +109,16 @@ def _rejections(network: Network) -> dict[str, str]:
     if aurocs:
         cells["AUROC of unknown"] = f"{aurocs[0]:.3f}"
     return cells
+
+
+def profile_table(networks: Mapping[str, Network]) -> Table:
+    """Return what ``task=profile`` measured, a column for each network."""
+    rows = [
+        {"": key, **{name: f"{network[key]:,.4g}" for name, network in networks.items()}}
+        for key in next(iter(networks.values()))
+    ]
+    padded = any(network["label_agreement"] < 1 for network in networks.values())
+    return Table("Profile", rows, PADDED if padded else "")
 
 
 def _uncounted(network: Network) -> dict[str, str]:

@@ -17,7 +17,7 @@ from tex_lightning.core.progress import track
 from tex_lightning.core.run_folder import system_name
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import RANDOM, environment, write_results
-from tex_lightning.report.table import make_table, print_tables
+from tex_lightning.report.table import make_table, print_tables, profile_table
 from tex_lightning.studies.profile import only_sense, profile_network, render_recording
 
 RECORDINGS = 3  # whose labels are compared; the first is timed
@@ -51,9 +51,10 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     }
     write_results(job.directory / "results.json", results)
     table = make_table(f"profile · {results['model']} · {results['weights']}", [""], [*networks])
-    table.caption = f"threads: {results['environment']['threads']}"
-    for key in next(iter(networks.values())):
-        table.add_row(key, *(f"{network[key]:,.4g}" for network in networks.values()))
+    profile = profile_table(networks)
+    table.caption = f"threads: {results['environment']['threads']} {profile.text}".strip()
+    for cells in profile.cells:
+        table.add_row(*cells)
     print_tables(job.directory, table)
     return results
 
