@@ -76,6 +76,7 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(group):
     [
         # Hydra's and OmegaConf's
         (["model=hptic"], "model=hptic does not exist (did you mean haptic?)"),
+        (["model=few/haptic"], "does not exist (did you mean experiment=few/haptic?)"),
         (
             ["experiment=few/haptc"],
             "experiment=few/haptc does not exist (did you mean few/haptic?)",

@@ -114,8 +114,10 @@ def explain(error: Exception) -> UserError:
                 f"{group}={option} needs a plug-in that is not installed; run: "
                 f"pip install 'tex_lightning[{EXTRAS[option]}]'"
             )
+        homes = [f"{name}={option}" for name, known in config_groups().items() if option in known]
+        meant = f" (did you mean {homes[0]}?)" if len(homes) == 1 else nearest(option, options)
         return UserError(
-            f"{group}={shorten(option)} does not exist{nearest(option, options)}; "
+            f"{group}={shorten(option)} does not exist{meant}; "
             f"choose one of {', '.join(sorted(options))}."
         )
     if isinstance(error, InterpolationResolutionError | UnsupportedInterpolationType):
