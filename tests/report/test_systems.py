@@ -26,7 +26,7 @@ def make(kind: str, correct: str, *modalities: str, **changes: Any) -> ReportedS
     ]
     settings = {"model": kind, "inside": "", "data": "folder", "variant": "", **changes}
     return ReportedSystem(
-        kind=kind, classes=["a", "b"], entries=[ENTRY], outcomes=outcomes, **settings
+        kind=kind, entries=[ENTRY], outcomes=outcomes, **{"classes": ["a", "b"], **settings}
     )
 
 
@@ -36,6 +36,12 @@ def test_the_papers_columns_stand_beside_its_own_data_alone(data):
     assert (table.rows[0]["system"], table.rows[0]["accuracy"]) == ("HapticNet", "66.7% (2/3)")
     assert ("accuracy, paper" in table.headings) == ("paper" in table.text) == (data == "tum")
     assert table.rows[0]["accuracy, paper"] == ("91 %" if data == "tum" else "")
+
+
+def test_a_sweep_over_data_says_how_many_classes_each_has():
+    two, four = make("haptic", "++", "haptic"), make("haptic", "+-", "haptic", classes=[*"abcd"])
+    said = accuracy_table("haptic", [four, two]).text
+    assert said == "Data: folder, 2 classes (chance 50.0%) or 4 classes (chance 25.0%)."
 
 
 def test_a_sense_that_the_paper_does_not_have_gets_a_table_of_its_own():

@@ -178,8 +178,10 @@ def accuracy_table(name: str, systems: Sequence[ReportedSystem]) -> Table:
     )
     top = max(systems, key=lambda system: system.accuracy)
     paper = {row["model"]: row for row in table.get("rows", ()) if top.data in PAPER_DATA}
-    data, classes = ", ".join(sorted({system.data for system in systems})), len(top.classes)
-    text = f"Data: {data}, {classes} classes (chance {1 / classes:.1%})."
+    data = ", ".join(sorted({system.data for system in systems}))
+    counts = sorted({len(system.classes) for system in systems})  # a sweep may vary the data
+    classes = " or ".join(f"{count} classes (chance {1 / count:.1%})" for count in counts)
+    text = f"Data: {data}, {classes}."
     if paper:
         text += f" The paper's: {table['data']}."
     rows = [
