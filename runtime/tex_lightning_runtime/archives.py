@@ -1,23 +1,31 @@
 """Signals in archives of named arrays: ``numpy.savez``, MATLAB's, and HDF5.
 
 One array is the signal, several of one length are columns of a table, and a single number may be
-the rate. What lies in structs and groups is as if it did not. Nothing in them is run: archives with
-pickled objects are refused.
+the rate, or the time between samples. What lies in structs and groups is as if it did not. Nothing
+in them is run: pickled objects are left out, and refused where there is nothing else.
 """
 
 import math
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from tex_lightning_runtime.hdf5 import NUMBERS, is_hdf5, read_hdf5
+from tex_lightning_runtime.resampling import MAX_RATE, MIN_RATE
 from tex_lightning_runtime.samples import Array, axes_first
 
-RATES = ("fs", "rate", "samplingrate", "samplerate", "sr", "hz", "frequency", "samplingfrequency")
+RATES = (
+    "fs", "rate", "samplingrate", "samplerate", "sr", "hz", "frequency", "samplingfrequency",
+    "samplefrequency", "samplingfreq", "samplefreq", "sfreq", "srate", "fsample", "odr",
+)  # fmt: skip
+PERIODS = (  # s
+    "dt", "ts", "deltat", "samplingperiod", "sampleperiod", "samplinginterval", "sampleinterval",
+    "samplingtime", "sampletime",
+)  # fmt: skip
 HDF5 = (".h5", ".hdf5")
 ARCHIVES = (".npz", ".mat", *HDF5)
 NO_NUMBERS = ("cell", "char", "logical", "object", "opaque", "function")  # of SciPy's classes
@@ -50,8 +58,9 @@ def signals_of(arrays: dict[str, Array]) -> tuple[dict[str, Array], float | None
     """
     kept = {name: each for name, each in arrays.items() if each.dtype.kind in f"{NUMBERS}M"}
     arrays = {name: _seconds(each) for name, each in kept.items()}
-    rates = {float(each.item()) for name, each in arrays.items()
-             if each.size == 1 and _is_rate(_leaf(name).casefold())}  # fmt: skip
+    said = (_rate(_leaf(name), float(each.item())) for name, each in arrays.items()
+            if each.size == 1)  # fmt: skip
+    rates = {float(f"{each:.9g}") for each in said if each is not None}
     rate = rates.pop() if len(rates) == 1 else math.nan
     known = math.isfinite(rate) and rate > 0
     signals = {name: np.squeeze(each) for name, each in arrays.items() if each.size > 1}
@@ -77,9 +86,12 @@ def _leaf(name: str) -> str:
     return name.rpartition("/")[2]
 
 
-def _is_rate(name: str) -> bool:
-    word = name.replace("_", "").replace(" ", "")
-    return word in RATES or word.removesuffix("hz") in RATES
+def _rate(name: str, number: float) -> float | None:
+    """Return the rate in Hz that a number is by its name; None if it is something else."""
+    word = name.casefold().replace("_", "").replace(" ", "")
+    if word in RATES or word.removesuffix("hz") in RATES:
+        return number
+    return 1 / number if word in PERIODS and 1 / MAX_RATE <= number <= 1 / MIN_RATE else None
 
 
 def _seconds(array: Array) -> Array:
@@ -105,13 +117,25 @@ def _npz(path: Path, most: int) -> dict[str, Array]:
         if claimed > 8 * most:
             raise ValueError(f"it claims {claimed:,} bytes")
         with np.load(path, allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files}
-    except ValueError as error:
-        if "pickle" in str(error):  # whose words propose to allow it
-            raise ValueError("it holds pickled objects, which may run code, not arrays") from None
+            found = {name: _plain(archive, name) for name in archive.files}
+    except ValueError:
         raise
     except Exception as error:  # of any kind
         raise ValueError("it is no whole archive as np.savez writes it") from error
+    arrays = {name: each for name, each in found.items() if each is not None}
+    if found and not arrays:
+        raise ValueError("it holds pickled objects, which may run code, not arrays")
+    return arrays
+
+
+def _plain(archive: Mapping[str, Array], name: str) -> Array | None:
+    """Return an array, None in place of pickled objects, such as a dict of notes."""
+    try:
+        return archive[name]
+    except ValueError as error:
+        if "pickle" not in str(error):
+            raise
+        return None
 
 
 def _mat(path: Path, most: int) -> dict[str, Array]:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from tex_lightning_runtime.errors import UserError
 
+POINTER, MAX_POINTER = b"version https://git-lfs", 1024  # bytes, in place of a large file
 MAX_LINE = 1 << 20  # bytes; what goes on without a line's end is no table
 
 
@@ -27,7 +28,7 @@ def require_readable_name(path: Path) -> None:
 
 
 def require_file(path: Path) -> None:
-    """Reject a path that is missing, empty or no file, or no text."""
+    """Reject a path that is missing, empty or no file, a pointer, or no text."""
     require_readable_name(path)
     if not is_file(path):
         if os.path.lexists(path):
@@ -35,8 +36,10 @@ def require_file(path: Path) -> None:
                 f"File {path} is a folder, a device, a pipe or a broken link; give a file."
             )
         raise UserError(f"File {path} does not exist; check the path.")
-    if path.stat().st_size == 0:
+    if (size := path.stat().st_size) == 0:
         raise UserError(f"File {path} is empty; record or copy it again.")
+    if size < MAX_POINTER and os.access(path, os.R_OK) and path.read_bytes().startswith(POINTER):
+        raise UserError(f"File {path} is a pointer of Git LFS; fetch its content by git lfs pull.")
 
 
 def is_file(path: Path) -> bool:

@@ -110,8 +110,9 @@ def _numbers(path: str, part: Any) -> Iterator[tuple[str, Any, str]]:
     """Yield the path of numbers, what has them (a dataset, an attribute), and the field of it."""
     attributes = dict(part.attrs)
     for name, value in attributes.items():
-        if isinstance(value, np.number):
-            yield f"{path}/{name}".lstrip("/"), np.asarray(value), ""
+        number = np.asarray(value) if isinstance(value, np.number | np.ndarray) else np.empty(0)
+        if number.size == 1 and number.dtype.kind in NUMBERS:
+            yield f"{path}/{name}".lstrip("/"), number, ""
     left_out = attributes.get("MATLAB_class") in NO_NUMBERS or "MATLAB_empty" in attributes
     if isinstance(part, Mapping) or left_out:
         return

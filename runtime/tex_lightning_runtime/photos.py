@@ -1,9 +1,10 @@
 """Photos out of files, as RGB with 8 bits, also of slightly damaged files and of other modes.
 
 How other pixels become 8 bits: greys of 16 bits count from black (0) to white (65535), or to 4095
-where none is brighter, as cameras with 12 bits write them; numbers with a point from 0 to 1, or to
-255 where some are larger. Colours of 16 bits lose the lower 8, and those of 12 all but 4. Colours
-beneath transparent pixels are taken as they are stored, and the first page of several.
+where none is brighter, as cameras with 12 bits write them, or to 255, as arrays of integers hold
+them; numbers with a point from 0 to 1, or to 255 where some are larger. Colours of 16 bits lose the
+lower 8, and those of 12 all but 4. Colours beneath transparent pixels are taken as they are stored,
+and the first page of several.
 """
 
 import ctypes
@@ -166,8 +167,8 @@ def _grey(values: Array) -> tuple[Array, str]:
             f"its pixels are {low:g} to {high:g}, and greys are 0 to {SIXTEEN_BITS:,}: save it "
             "with 8 bits"
         )
-    if values.dtype.kind == "f" and high <= 255:
-        white = 1.0 if high <= 1 else 255.0
+    if high <= 255:
+        white = 1.0 if values.dtype.kind == "f" and high <= 1 else 255.0
     else:
         white = TWELVE_BITS if high <= TWELVE_BITS else SIXTEEN_BITS
     note = f"its greys from 0 to {white:,.0f} become 8 bits"

@@ -18,6 +18,10 @@ BINARY = {
     b"%PDF": "a PDF",
     b"MATLAB 5": "a file of MATLAB",
     b"\x89HDF": "an HDF5 file",
+    b"PAR1": "a Parquet file",
+    b"ARROW1": "a Feather file",
+    b"TDSm": "a TDMS file",
+    b"#ROSBAG": "a bag of ROS",
 }
 UTF = {  # by the mark at the beginning
     b"\xef\xbb\xbf": "utf-8-sig",

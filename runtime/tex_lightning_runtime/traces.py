@@ -159,6 +159,11 @@ def _read_array(path: Path) -> Raw:
     except OSError:
         raise
     except Exception as error:  # of any kind; the words of some propose to load it unsafely
+        if "objects" in str(error):
+            raise ValueError(
+                "it holds objects of Python, such as a dict, which may run code; save the samples "
+                "alone by np.save, or by np.savez(FILE, x=SAMPLES, fs=RATE)"
+            ) from None
         raise ValueError("it is no whole array of numbers as np.save writes it") from error
     if not isinstance(array, np.ndarray):
         raise ValueError("it is an .npz archive; call it .npz")

@@ -1,3 +1,4 @@
+import shlex
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
@@ -5,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from haptic_sets import read
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -48,11 +50,14 @@ def test_a_spreadsheets_semicolons_and_decimal_commas_are_read(tmp_path):
         "sep=;\n" + HEADER.replace(",", ";") + "w;Haptics;sub/a.wav;0\n;;;\n\n",
         HEADER.replace(",", ", ") + "w, haptic, sub\\a.wav , 0\n",
         HEADER.replace(",", "|") + "w|haptic|.\\sub\\a.wav|0\n",
+        "# of Monday\n\n#\n" + HEADER.title() + "w,haptic,sub/a.wav,0\n",
+        "y,modality,path,GROUP\nw,haptic,~/sub/a.wav,0\n",
         (HEADER + "w,haptic,sub/a.wav,0\n").encode("utf-16"),
         (HEADER + "w,haptic,sub/a.wav,0\n").replace("\n", "\r").encode("utf-8-sig"),
     ],
 )
-def test_manifests_as_programs_and_people_write_them(tmp_path, content):
+def test_manifests_as_programs_and_people_write_them(tmp_path, content, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
     (tmp_path / "sub").mkdir()
     (tmp_path / "sub" / "a.wav").touch()
     path = tmp_path / "m.csv"
@@ -125,7 +130,8 @@ def test_a_column_fold_fixes_the_folds_and_is_no_condition(tmp_path, cells, fold
     [
         ("path,group\n", "has no column label; its first line must name .* group may be left out"),
         (HEADER, "lists no recordings"),
-        (HEADER.replace("group", "Group"), "a column 'Group'; call it group if it is meant"),
+        ("label,path,label\n", "has several columns label; keep one of them"),
+        ("label,haptic,image_path\n", "a column of files 'haptic' .* a line for each file"),
         ("lable,modality,path,group\n", "a column 'lable'; call it label"),
         (HEADER + "w,two words,a.wav,0\n", "line 2 has modality 'two words'; give one word"),
         (HEADER + "w,haptic,a.wav,\n", "group ''; give a text, such as a session"),
@@ -286,3 +292,17 @@ def test_files_that_are_where_they_are_named_are_not_looked_for(tmp_path, monkey
     table = read_manifest(manifest(tmp_path, lines + "w,haptic,c.wav,2\nw,haptic,d.wav,3\n"))
     assert [row.path.name for row in table if row.path.is_file()] == ["a.wav", "b.wav", "c.wav"]
     assert len(walked) == 1
+
+
+def test_what_may_be_a_group_or_a_division_is_told(tmp_path):
+    lines = [f"w{n % 2},{n}.wav,s{n % 3},{'test' if n > 4 else 'train'}\n" for n in range(8)]
+    path = manifest(tmp_path, "label,path,session,split\n" + "".join(lines))
+    assert "The column session is a condition; call it group" in read_manifest(path).notes[-1]
+    (told,) = (x for x in read("data=manifest", f"data.manifest={path}").notes if "folds" in x)
+    (override,) = shlex.split(told.partition(" give ")[2].removesuffix("."))
+    assert override == 'data.test_where={split: "test"}'
+    again = read("data=manifest", f"data.manifest={path}", override)
+    assert not any("folds" in note for note in again.notes)
+    path.write_text(path.read_text().replace("split", "fold").replace("session", "group"))
+    notes = read("data=manifest", f"data.manifest={path}").notes
+    assert not any("condition" in note for note in notes)

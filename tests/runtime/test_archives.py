@@ -67,6 +67,26 @@ def test_a_rate_that_cannot_be_is_not_known(tmp_path, given):
     assert rate is None
 
 
+@pytest.mark.parametrize(
+    ("name", "number", "rate"),
+    [("dt", 0.0005, 2000), ("Ts", 1 / 800, 800), ("sfreq", 500, 500), ("sample_period", 0.001, 1e3),
+     ("sampling_time", 1.6, None), ("ts", 1.7e9, None), ("delta_x", 0.01, None)],
+)  # fmt: skip
+def test_a_number_is_the_rate_or_the_period_by_its_name(tmp_path, name, number, rate):
+    found = read_samples(save(tmp_path / "a.npz", acc=SAMPLES, **{name: number})).rate
+    assert found == (rate and pytest.approx(rate))
+
+
+def test_objects_beside_a_signal_are_left_out_and_alone_refused(tmp_path):
+    note = np.array({"by": "anna"}, dtype=object)
+    signal = read_samples(save(tmp_path / "a.npz", acc=SAMPLES, note=note, fs=800))
+    np.testing.assert_array_equal(signal.samples, SAMPLES.T)
+    assert signal.rate == 800
+    np.save(tmp_path / "b.npy", {"acc": SAMPLES})
+    with pytest.raises(UserError, match=r"objects of Python, .* by np.savez\(FILE, x=SAMPLES"):
+        read_samples(tmp_path / "b.npy")
+
+
 def test_moments_are_times_and_fields_are_columns(tmp_path):
     moments = np.datetime64("2026-11-28T10:00") + np.arange(300) * np.timedelta64(2, "ms")
     signal = read_samples(save(tmp_path / "a.npz", time=moments, acc=SAMPLES))

@@ -98,6 +98,9 @@ def test_damage_is_refused(tmp_path):
     np.save(tmp_path / "d.npy", np.array([{}]), allow_pickle=True)
     np.savez(tmp_path / "e", AXES)
     (tmp_path / "e.npz").rename(tmp_path / "e.npy")
+    (tmp_path / "f.csv").write_bytes(b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n")
+    with pytest.raises(UserError, match=r"f.csv is a pointer of Git LFS; .* git lfs pull"):
+        read(tmp_path / "f.csv")
     for name in "bcde":
         with pytest.raises(UserError, match=rf"{name}\..*; correct or replace"):
             read(next(tmp_path.glob(f"{name}.*")))

@@ -34,6 +34,11 @@ def times(file):
     file["imu/t"], file["imu/acc"] = TIME, SAMPLES.T.astype(">f4")
 
 
+def a_rate_in_an_array(file):
+    file["acc"] = SAMPLES
+    file.attrs["fs"], file.attrs["scales"] = [500], [1.0, 2.0]
+
+
 def fields(file):
     rows = np.zeros(300, [("time_ms", "f8"), ("x", "f4"), ("y", "f4"), ("z", "f4")])
     rows["time_ms"] = 1000 * TIME
@@ -62,7 +67,7 @@ def write(path, fill, **how):
     return path
 
 
-@pytest.mark.parametrize("fill", [plain, compressed, times, fields, of_matlab])
+@pytest.mark.parametrize("fill", [plain, compressed, times, fields, of_matlab, a_rate_in_an_array])
 @pytest.mark.parametrize(("suffix", "header"), [(".h5", 0), (".hdf5", 1024), (".mat", 512)])
 def test_arrays_are_those_that_h5py_wrote(tmp_path, fill, suffix, header):
     signal = read_samples(write(tmp_path / f"a{suffix}", fill, userblock_size=header))

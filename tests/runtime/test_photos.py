@@ -112,8 +112,8 @@ def test_transparency_is_said_and_the_colours_beneath_count(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.tif"])
-def test_greys_of_16_bits_count_from_black_to_white_and_those_of_12_to_theirs(tmp_path, name):
-    for values, white in ((RAMP, 65535), (RAMP >> 4, 4095)):
+def test_greys_of_16_bits_count_from_black_to_white_and_those_of_fewer_to_theirs(tmp_path, name):
+    for values, white in ((RAMP, 65535), (RAMP >> 4, 4095), (RAMP >> 8, 255)):
         path = saved(tmp_path / name, Image.fromarray(values))
         expected = np.rint(values / white * 255).astype(np.uint8)
         alike(path, np.repeat(expected[..., None], 3, axis=2))

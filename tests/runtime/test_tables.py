@@ -941,6 +941,7 @@ REFUSED = {
     "nothing": ("\n \n\n", "holds no numbers"),
     "names alone": ("x,y,z\n", "holds no numbers"),
     "time alone": (table(times(), names="time\n"), "no column of measured numbers"),
+    "of Parquet": (b"PAR1" + bytes(90), "is a Parquet file by its content and no text; export it"),
     "a workbook": (b"PK\x03\x04" + bytes(90), "is an Excel workbook .* no text; export it as CSV"),
     "NULs between": (ROWS.encode() + bytes(9) + ROWS.encode(), f"NUL bytes in line {COUNT + 1}"),
     "random bytes": (RNG.bytes(5000), "."),

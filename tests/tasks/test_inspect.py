@@ -55,10 +55,13 @@ def test_one_class_of_photos_alone_and_recordings_of_no_known_sense(inspected, c
     assert [*results["recordings"]] == ["image"]
     assert "1 of 2" not in err
     np.save(tmp_path / "f.npy", np.zeros((200, 2)))
-    (tmp_path / "table.csv").write_text("label,modality,path,group\noak,force,f.npy,0\n")
+    (tmp_path / "table.csv").write_text(
+        "label,modality,path,group\noak,force,f.npy,0\noak,mic,g.npy,0\n"
+    )
     refused = cli("task=inspect", "data=manifest", f"data.manifest={tmp_path}/table.csv")
     assert refused.status == 2
-    assert "No sense reads force; give data of haptic, visual, sound" in refused.err
+    assert "No sense reads force, mic; give data of haptic, visual, sound" in refused.err
+    assert "Call mic sound (the folders, or the column modality)." in refused.err
 
 
 def test_a_rate_that_nobody_gave_is_said_wherever_it_matters(cli, inspected, tmp_path):

@@ -1,6 +1,7 @@
 """The CSV manifest of a table of recordings: read, with what its author may mean, and written."""
 
 import csv
+import os
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -12,6 +13,7 @@ from typing import Any
 
 from tex_lightning.core.files import resolved
 from tex_lightning.data.recordings import (
+    MODALITIES,
     Recording,
     Recordings,
     check_distinct,
@@ -44,14 +46,22 @@ SAMPLES = (
 )
 MEANT = {  # other names of columns, in tables of labels as people have them
     "path": ("path", "paths", "file", "files", "filename", "file_name", "file name", "filepath"),
-    "label": ("label", "labels", "class", "material", "category", "target", "surface", "texture"),
-}
+    "label": ("label", "labels", "class", "material", "category", "target", "surface", "texture",
+              "class_name", "class name", "y"),
+    "modality": ("modality",),
+    "group": ("group",),
+}  # fmt: skip
+NEEDED = ("path", "label")
+SESSIONS = re.compile(  # names of conditions that groups may be
+    r"(session|subject|participant|person|user|operator|patient|specimen|day|date)(s?|_?id|_?no)"
+)
 
 
 def read_manifest(path: str | Path) -> Recordings:
     r"""Read a table from CSV with the columns ``label,modality,path,group``.
 
-    Relative paths are relative to the manifest; a bare name may be that of the only such file below
+    Relative paths are relative to the manifest, and lines above the names may begin with ``#``; a
+    bare name may be that of the only such file below
     it, with or without its suffix. Without a column ``modality`` photos are known by their suffix,
     and all else is ``haptic``; without ``group`` files of one name are a group. A column ``rate``
     (Hz) gives the rate of traces whose format states none. A column ``part``, such as ``0-0.5``, is
@@ -85,6 +95,13 @@ def read_manifest(path: str | Path) -> Recordings:
         for name, how in ASSUMED.items()
         if name not in names
     )
+    if "group" not in names:
+        notes += tuple(
+            f"The column {name} is a condition; call it group if what shares one is to be left out "
+            "together."
+            for name in names
+            if SESSIONS.fullmatch(name.casefold())
+        )
     placed = zip(rows, folds, strict=True)
     return Recordings(tuple(replace(row, fold=fold) for row, fold in placed), notes)
 
@@ -107,7 +124,7 @@ def names_recordings(path: Path) -> Recordings | None:
     with path.open("rb") as stream:
         first = stream.readline(HEAD).decode(errors="replace").lstrip("\ufeff").casefold()
     cells = {cell.strip(" \t\r\n\"'") for cell in re.split(f"[{SEPARATORS}]", first)}
-    if not all(cells & {*names} for names in MEANT.values()):
+    if not all(cells & {*MEANT[name]} for name in NEEDED):
         return None
     try:
         table = read_manifest(path)
@@ -125,7 +142,8 @@ class _Files:
     def find(self, name: str) -> Path:
         """Return a file, whose name may have blanks around it, be as of Windows, or be bare."""
         plain = PureWindowsPath(name.strip())
-        for each in (name, name.strip(), plain.as_posix()):
+        home = os.path.expanduser(name.strip())  # noqa: PTH111  (which raises no errors)
+        for each in (name, name.strip(), plain.as_posix(), home):
             if is_file(path := self.folder / each):
                 return path
         below = self._below.get(plain.name, []) if plain.name == name.strip() else []
@@ -154,8 +172,8 @@ def _read_lines(path: Path) -> tuple[str, list[str], dict[str, dict[Any, Any]]]:
             raise ValueError("it has a line of more than 1 MiB")
         stream = StringIO(read_utf8(path).decode(), newline="")
         begin, above, first = 0, 1, stream.readline()
-        if first.casefold().startswith("sep="):  # of Excel
-            begin, above = stream.tell(), 2
+        while first and (not first.strip() or first.casefold().startswith(("#", "sep="))):
+            begin, above = stream.tell(), above + 1  # remarks, and what Excel writes
             first = stream.readline()
         delimiter = max(SEPARATORS, key=lambda mark: len({*_names([first], mark)} & {*KNOWN}))
         stream.seek(begin)
@@ -172,7 +190,7 @@ def _read_lines(path: Path) -> tuple[str, list[str], dict[str, dict[Any, Any]]]:
 
 
 def _check_names(path: Path, names: Sequence[str]) -> None:
-    """Reject columns that nearly have a known name, and a manifest that lacks one.
+    """Reject columns that nearly have a known name, or the same, and a manifest that lacks one.
 
     Raises:
         UserError: Naming the column.
@@ -183,7 +201,15 @@ def _check_names(path: Path, names: Sequence[str]) -> None:
                 f"Manifest {path} has a column {shorten(repr(name))}; call it {meant} if it is "
                 f"meant, or otherwise if it is a condition of the recordings."
             )
-    if missing := [column for column in MEANT if column not in names]:
+    if twice := [name for name in KNOWN if names.count(name) > 1]:
+        raise UserError(f"Manifest {path} has several columns {twice[0]}; keep one of them.")
+    if missing := [column for column in NEEDED if column not in names]:
+        wide = [n for n in names if sense_called(n.casefold().split("_")[0]) in MODALITIES]
+        if wide and missing == ["path"]:
+            raise UserError(
+                f"Manifest {path} has a column of files {wide[0]!r} and none called path; write "
+                f"{','.join(COLUMNS)}, a line for each file, and those made together as a group."
+            )
         raise UserError(
             f"Manifest {path} has no column {' or '.join(missing)}; its first line must name "
             f"{','.join(COLUMNS)}, of which modality and group may be left out"

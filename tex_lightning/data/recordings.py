@@ -291,6 +291,6 @@ def check_distinct(what: str, rows: Iterable[Recording]) -> None:
             if overlap(part, row.part):
                 raise UserError(
                     f"{what} lists {row.source} in record {earlier} and in record {number}; keep "
-                    "one of them."
+                    "one of them, or give each its part of it."
                 )
         listed[row.path].append((number, row.part))

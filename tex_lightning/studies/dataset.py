@@ -18,7 +18,7 @@ from tex_lightning.data.folds import (
     tested_part,
 )
 from tex_lightning.data.readers import read_recordings
-from tex_lightning.data.readers.layout import hint
+from tex_lightning.data.readers.layout import hint, rename
 from tex_lightning.data.recordings import MODALITIES, Recording, Recordings, one_name
 from tex_lightning.data.store import Store, Unusable, cache_root, list_files
 from tex_lightning.errors import UserError, listed
@@ -167,7 +167,8 @@ def of_no_sense(rows: Recordings, modalities: Sequence[str]) -> list[str]:
     counts = Counter(row.modality for row in others)
     told = listed([f"{count} of {name}" for name, count in counts.items()])
     return [
-        f"Not read, as no sense is called so: {told} (such as {row.path})." for row in others[:1]
+        f"Not read, as no sense is called so: {told} (such as {row.path}).{rename(counts)}"
+        for row in others[:1]
     ]
 
 

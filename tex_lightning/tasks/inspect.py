@@ -10,7 +10,7 @@ from tex_lightning.config.composition import Job
 from tex_lightning.core.console import say
 from tex_lightning.data.inspection import Finding, named_files, suspicions
 from tex_lightning.data.readers import read_recordings
-from tex_lightning.data.readers.layout import hint
+from tex_lightning.data.readers.layout import hint, rename
 from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.store import Store, cache_root
 from tex_lightning.errors import UserError, listed
@@ -52,7 +52,7 @@ def _open(config: Config) -> tuple[Dataset, list[Sense]]:
     if not senses:
         raise UserError(
             f"No sense reads {listed(unread)}; give data of {listed(config.model.known)}, or add "
-            "a sense (conf/sense/NAME.yaml and --config-dir conf)."
+            f"a sense (conf/sense/NAME.yaml and --config-dir conf).{rename(unread)}"
             + "".join(f" {text}" for text in hint(config.data.root, table))
         )
     store = Store(
@@ -60,7 +60,7 @@ def _open(config: Config) -> tuple[Dataset, list[Sense]]:
     )
     rows = table.without(row for row in table if row.modality in unread)
     if unread:
-        note = f"No sense reads {listed(unread)}, and they are passed over."
+        note = f"No sense reads {listed(unread)}, and they are passed over.{rename(unread)}"
         rows = replace(rows, notes=(*rows.notes, note))
     dataset = Dataset.decode(rows, EMPTY, store, table.classes)
     if not len(dataset.recordings):

@@ -8,7 +8,7 @@ from haptic_sets import touch
 
 from tex_lightning.data.manifest import read_manifest
 from tex_lightning.data.readers.folder import read_folder
-from tex_lightning.data.readers.layout import advise, hint
+from tex_lightning.data.readers.layout import advise, hint, rename
 from tex_lightning.data.readers.path_pattern import read_names
 from tex_lightning.errors import UserError
 
@@ -69,6 +69,29 @@ def test_both_readings_are_told_of_folders_that_nothing_tells_apart(tmp_path):
     ]
     assert hint(str(touch(tmp_path / "b", "oak/1.csv")), read_folder(tmp_path / "b")) == []
     assert hint(None, rows) == []
+
+
+def test_senses_above_the_classes_are_told_with_the_pattern_that_pairs_them(tmp_path):
+    files = [f"{each}/{label}/1.{end}" for label in ("oak", "elm")
+             for each, end in (("Haptics", "wav"), ("sound", "wav"), ("image", "JPG"))]  # fmt: skip
+    root = touch(tmp_path, *files)
+    (pattern,) = patterns(hint(str(root), read_folder(root))[0], root)
+    table, others = read_names(root, pattern)
+    assert others == []
+    found = {(row.label, row.modality, row.path.relative_to(root).as_posix()) for row in table}
+    senses = dict(zip(("Haptics", "sound", "image"), ("haptic", "sound", "image"), strict=True))
+    assert found == {(f.split("/")[1], senses[f.split("/")[0]], f) for f in files}
+    assert {(row.label, row.group) for row in table} == {("elm", "elm/1"), ("oak", "oak/1")}
+
+
+def test_other_names_of_senses_are_told_as_names_and_not_as_groups(tmp_path):
+    table = read_folder(touch(tmp_path, "oak/Acceleration/1.wav", "oak/photos/1.jpg"))
+    assert hint(str(tmp_path), table) == []
+    told = rename({"Acceleration", "photos", "thermal"})
+    assert (
+        told == " Rename Acceleration to haptic, photos to image (folders, or the column modality)."
+    )
+    assert rename({"thermal"}) == ""
 
 
 @pytest.mark.parametrize(

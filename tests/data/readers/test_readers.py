@@ -74,7 +74,7 @@ def test_folders_as_people_lay_them_out(tmp_path, files, expected, notes):
     ("file", "pattern"),
     [
         ("a/day 1/1.csv", "{label}/{group}/*.csv"),
-        ("a/day 1/Haptics/1.csv", "{label}/{group}/*/*.csv"),
+        ("a/day 1/Haptics/1.csv", "{label}/{group}/{modality}/*.csv"),
         ("a/haptic/day 1/1.csv", "{label}/{modality}/{group}/*.csv"),
     ],
 )
@@ -116,6 +116,19 @@ def test_files_of_two_sensors_are_no_two_recordings(tmp_path, one, other, patter
     assert len(table) == len({row.group for row in table}) == 2
     with pytest.raises(UserError, match="of two sensors"):
         read_names(tmp_path, "{label}/*" if one.count("/") == 1 else "{label}/*/*")
+
+
+def test_recordings_beside_the_classes_are_told_and_tables_are_not(tmp_path):
+    touch(tmp_path, "oak/1.wav", "elm/1.wav", "elm.JPG", "people.csv", "README.txt")
+    (note,) = read_folder(tmp_path).notes
+    assert note.startswith("Beside the folders of classes and not read: 1 .jpg (such as ")
+
+
+def test_archives_are_to_be_unpacked(tmp_path):
+    with pytest.raises(UserError, match=r"holds no rec.* \.\)\. Unpack archives"):
+        read_folder(touch(tmp_path / "a", "oak.zip"))
+    with pytest.raises(UserError, match=r"oak.zip is a file; give an existing folder"):
+        read_folder(tmp_path / "a" / "oak.zip")
 
 
 def test_a_folder_of_other_kinds_alone_says_what_is_there(tmp_path):

@@ -8,7 +8,7 @@ from typing import Any
 from tex_lightning.config import DataConfig
 from tex_lightning.config.instantiation import PACKAGE, build
 from tex_lightning.core.contract import calling
-from tex_lightning.data.folds import check_conditions, with_folds
+from tex_lightning.data.folds import as_override, check_conditions, with_folds
 from tex_lightning.data.readers.layout import hint
 from tex_lightning.data.recordings import (
     Recording,
@@ -111,9 +111,26 @@ def read_recordings(
             f"The data has only the class {', '.join(classes)}; telling classes apart takes two; "
             + " ".join(["add recordings of another.", *hint(config.root, recordings)])
         )
-    recordings = with_folds(recordings.in_classes(classes[: config.classes]), config.folds)
+    recordings = recordings.in_classes(classes[: config.classes])
+    told = _own_division(recordings) if config.test_where is None else []
+    recordings = with_folds(replace(recordings, notes=(*recordings.notes, *told)), config.folds)
     if config.test_where is not None:
         senses = {row.modality for row in recordings} if modalities is None else modalities
         rows = tuple(row for row in recordings if row.modality in senses)
         check_conditions(Recordings(rows), config.test_where)
     return recordings
+
+
+def _own_division(recordings: Recordings) -> list[str]:
+    """Say of conditions that name what is tested, such as a column ``split``, how they divide."""
+    free = (row for row in recordings if row.fold is None)
+    found = defaultdict[str, set[str]](set)
+    for name, value in (pair for row in free for pair in row.conditions):
+        found[name].add(value)
+    return [
+        f"The folds do not follow the condition {name}; to test what is {value}, give "
+        f"{as_override({name: value})}."
+        for name, values in found.items()
+        for value in sorted(values)
+        if len(values) > 1 and value.casefold() in ("test", "testing")
+    ]

@@ -51,6 +51,7 @@ TO_SOUND = " Convert other sound to .flac or .wav, such as with ffmpeg."
 TO_TABLE = " Save sheets of recordings as CSV."
 TO_ARRAYS = " Write the samples of each recording to .csv or .npz, in Python."
 TO_TEXT = " Rename what is a table of numbers in text to .csv."
+TO_FILES = " Unpack archives and compressed files."
 TO_PHOTO = " Convert the photos to .jpg or .png."
 CURES = {
     **dict.fromkeys((".mp3", ".m4a", ".aac", ".ogg", ".opus", ".wma", ".mp4"), TO_SOUND),
@@ -58,6 +59,8 @@ CURES = {
     **dict.fromkeys((".xlsx", ".xls", ".ods", ".numbers"), TO_TABLE),
     **dict.fromkeys((".bag", ".db3", ".mcap"), TO_ARRAYS),
     **dict.fromkeys((".parquet", ".feather", ".pkl", ".pickle", ".tdms", ".c3d"), TO_ARRAYS),
+    **dict.fromkeys((".edf", ".bdf", ".arrow", ".nc", ".bin"), TO_ARRAYS),
+    **dict.fromkeys((".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".7z", ".rar"), TO_FILES),
     **dict.fromkeys((".dat", ".log", ".asc", ".prn"), TO_TEXT),
     **dict.fromkeys((".heic", ".heif", ".avif", ".gif", ".jp2", ".jxl"), TO_PHOTO),
     **dict.fromkeys((".raw", ".dng", ".cr2", ".cr3", ".nef", ".arw"), TO_PHOTO),
@@ -109,7 +112,8 @@ def read_folder(root: str | Path) -> Recordings:
     """
     root = Path(root)
     if not root.is_dir():
-        raise UserError(f"Folder {root} does not exist; give an existing folder in data.root.")
+        there = "is a file" if root.is_file() else "does not exist"
+        raise UserError(f"Folder {root} {there}; give an existing folder in data.root.")
     rows: list[Recording] = []
     notes: list[str] = []
     others: list[Path] = []
@@ -126,6 +130,12 @@ def read_folder(root: str | Path) -> Recordings:
     counted = [f"Of other kinds and not read: {count_kinds(others)}.{cures}"] if others else []
     if not rows:
         raise UserError(_nothing_in(root, others, counted))
+    beside = [path for path in _recorded(root) if path.suffix.lower() not in SUFFIXES]
+    if beside:
+        notes.append(
+            f"Beside the folders of classes and not read: {count_kinds(beside)}; move each into "
+            "the folder of its class."
+        )
     if deeper:
         notes.append(f"Too deep and not read: {count_kinds(deeper)}; {advise(root, deeper)}.")
     check_sensors(root, rows)

@@ -36,6 +36,12 @@ SENSOR = re.compile(
     re.IGNORECASE,
 )  # in the names of files beside each other
 SEPARATORS = "_- "
+MEANT = {  # names of folders and of modalities that are none of the package's
+    **dict.fromkeys(("acc", "accel", "acceleration", "accelerometer", "vibration", "tactile",
+                     "touch", "trace", "signal"), "haptic"),
+    **dict.fromkeys(("photo", "picture", "img", "visual", "camera", "rgb"), "image"),
+    **dict.fromkeys(("audio", "mic", "microphone", "wav"), "sound"),
+}  # fmt: skip
 
 
 def by_pattern(root: Path, *patterns: tuple[Sequence[str], str]) -> str:
@@ -88,12 +94,23 @@ def hint(root: str | None, rows: Iterable[Recording]) -> list[str]:
     if root is None:
         return []
     folder = expanded(root)
-    paths = [row.path for row in rows if row.path.is_relative_to(folder)]
+    rows = [row for row in rows if row.path.is_relative_to(folder)]
+    if rename({row.modality for row in rows}):  # which its callers tell
+        return []
+    paths = [row.path for row in rows]
     deep = [
-        p for p in paths if sum(not _is_sense(part) for part in p.relative_to(folder).parts) > 2
-    ]
+        p for p in paths if len(parts := p.relative_to(folder).parts) > 2
+        and (_is_sense(parts[0]) or sum(not _is_sense(part) for part in parts) > 2)
+    ]  # fmt: skip
     text = advise(folder, deep) if deep else _named_in(folder, paths) if paths else ""
     return [f"{text[:1].upper()}{text[1:]}."] if text else []
+
+
+def rename(modalities: Iterable[str]) -> str:
+    """Say how modalities are called whose names mean others; empty if there are none."""
+    meant = {name: MEANT.get(name.casefold().removesuffix("s"), "") for name in modalities}
+    told = [f"{name} to {known}" for name, known in sorted(meant.items()) if known]
+    return f" Rename {listed(told)} (folders, or the column modality)." if told else ""
 
 
 def _named_in(root: Path, paths: Sequence[Path]) -> str:
@@ -166,7 +183,7 @@ def _is_sense(part: str) -> bool:
 
 
 def _sense_token(part: str) -> str:
-    return "{modality}" if part in MODALITIES else "*"
+    return "{modality}" if _is_sense(part) else "*"
 
 
 def tables_of_labels(root: Path) -> Iterable[Recordings]:

@@ -6,7 +6,13 @@ from pathlib import Path
 
 from tex_lightning.data.manifest import FOLD, KNOWN, PART, RATE, sense_by_suffix
 from tex_lightning.data.readers.layout import check_sensors, without_versions
-from tex_lightning.data.recordings import Recording, Recordings, is_hidden, natural_key
+from tex_lightning.data.recordings import (
+    Recording,
+    Recordings,
+    is_hidden,
+    natural_key,
+    sense_called,
+)
 from tex_lightning.errors import UserError, shorten
 from tex_lightning_runtime.photos import IMAGE_SUFFIXES
 from tex_lightning_runtime.traces import TRACE_SUFFIXES, stands_for_all
@@ -24,8 +30,8 @@ def read_names(root: Path, pattern: str) -> tuple[Recordings, list[str]]:
             ``{label}`` is the class, and may have the separators; for ``{group}``, ``{modality}``,
             ``{rate}`` and ``{fold}`` the columns of a manifest; for others conditions. ``*`` is
             anything, and what follows another directly is a number. Without ``{modality}`` the
-            suffix tells it, and without ``{group}`` files of one name, whatever their suffix, are
-            a group.
+            suffix tells it, and without ``{group}`` files of one name, whatever their suffix and
+            modality, are a group.
 
     Raises:
         UserError: If the pattern cannot be used, or no name fits.
@@ -92,12 +98,15 @@ def _compiled(pattern: str) -> re.Pattern[str]:
 
 def _recording(path: Path, name: str, told: dict[str, str]) -> Recording:
     """Make the recording of a file; its values are checked when the manifest is read."""
-    group = told.get(GROUP, name.removesuffix(path.suffix))
+    place = name.removesuffix(path.suffix)
+    if MODALITY in told:  # a stroke and a photo of one name are a group
+        place = "/".join(part for part in place.split("/") if part != told[MODALITY])
+    group = told.get(GROUP, place)
     try:
         rate = float(told[RATE]) if RATE in told else None
         fold = int(told[FOLD]) if FOLD in told else None
     except ValueError as error:
         raise UserError(f"{path} has a rate or fold that is no number ({error}).") from error
     conditions = tuple((key, value) for key, value in told.items() if key not in KNOWN)
-    modality = told.get(MODALITY, sense_by_suffix(path))
+    modality = sense_called(told.get(MODALITY, sense_by_suffix(path)))
     return Recording(told[LABEL], modality, path, group, rate, conditions, fold=fold)
