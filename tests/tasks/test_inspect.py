@@ -61,7 +61,7 @@ def test_one_class_of_photos_alone_and_recordings_of_no_known_sense(inspected, c
     refused = cli("task=inspect", "data=manifest", f"data.manifest={tmp_path}/table.csv")
     assert refused.status == 2
     assert "No sense reads force, mic; give data of haptic, visual, sound" in refused.err
-    assert "Call mic sound (the folders, or the column modality)." in refused.err
+    assert "Rename mic to sound (folders, or the column modality)." in refused.err
 
 
 def test_a_rate_that_nobody_gave_is_said_wherever_it_matters(cli, inspected, tmp_path):

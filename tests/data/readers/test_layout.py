@@ -88,6 +88,9 @@ def test_other_names_of_senses_are_told_as_names_and_not_as_groups(tmp_path):
     table = read_folder(touch(tmp_path, "oak/Acceleration/1.wav", "oak/photos/1.jpg"))
     assert hint(str(tmp_path), table) == []
     told = rename({"Acceleration", "photos", "thermal"})
+    above = touch(tmp_path / "b", *crossed("acc photos", "oak elm"))
+    (pattern,) = patterns(hint(str(above), read_folder(above))[0], above)
+    assert rename({row.modality for row in read_names(above, pattern)[0]}).startswith(" Rename acc")
     assert (
         told == " Rename Acceleration to haptic, photos to image (folders, or the column modality)."
     )

@@ -125,7 +125,7 @@ def test_recordings_beside_the_classes_are_told_and_tables_are_not(tmp_path):
 
 
 def test_archives_are_to_be_unpacked(tmp_path):
-    with pytest.raises(UserError, match=r"holds no rec.* \.\)\. Unpack archives"):
+    with pytest.raises(UserError, match=r"holds no rec.*, …\)\. Unpack archives"):
         read_folder(touch(tmp_path / "a", "oak.zip"))
     with pytest.raises(UserError, match=r"oak.zip is a file; give an existing folder"):
         read_folder(tmp_path / "a" / "oak.zip")

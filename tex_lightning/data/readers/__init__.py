@@ -128,7 +128,7 @@ def _own_division(recordings: Recordings) -> list[str]:
     for name, value in (pair for row in free for pair in row.conditions):
         found[name].add(value)
     return [
-        f"The folds do not follow the condition {name}; to test what is {value}, give "
+        f"The folds do not follow the condition {name}; to test what is {value} by task=fit, give "
         f"{as_override({name: value})}."
         for name, values in found.items()
         for value in sorted(values)

@@ -40,7 +40,7 @@ MEANT = {  # names of folders and of modalities that are none of the package's
     **dict.fromkeys(("acc", "accel", "acceleration", "accelerometer", "vibration", "tactile",
                      "touch", "trace", "signal"), "haptic"),
     **dict.fromkeys(("photo", "picture", "img", "visual", "camera", "rgb"), "image"),
-    **dict.fromkeys(("audio", "mic", "microphone", "wav"), "sound"),
+    **dict.fromkeys(("audio", "mic", "microphone"), "sound"),
 }  # fmt: skip
 
 
@@ -108,8 +108,7 @@ def hint(root: str | None, rows: Iterable[Recording]) -> list[str]:
 
 def rename(modalities: Iterable[str]) -> str:
     """Say how modalities are called whose names mean others; empty if there are none."""
-    meant = {name: MEANT.get(name.casefold().removesuffix("s"), "") for name in modalities}
-    told = [f"{name} to {known}" for name, known in sorted(meant.items()) if known]
+    told = [f"{name} to {known}" for name in sorted(modalities) if (known := _meant(name))]
     return f" Rename {listed(told)} (folders, or the column modality)." if told else ""
 
 
@@ -179,7 +178,11 @@ def _are_numbered(names: Sequence[str]) -> bool:
 
 
 def _is_sense(part: str) -> bool:
-    return sense_called(part.casefold()) in MODALITIES
+    return sense_called(part.casefold()) in MODALITIES or bool(_meant(part))
+
+
+def _meant(name: str) -> str:
+    return MEANT.get(name.casefold().removesuffix("s"), "")
 
 
 def _sense_token(part: str) -> str:
