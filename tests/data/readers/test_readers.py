@@ -124,6 +124,21 @@ def test_recordings_beside_the_classes_are_told_and_tables_are_not(tmp_path):
     assert note.startswith("Beside the folders of classes and not read: 1 .jpg (such as ")
 
 
+def test_pieces_of_a_recording_are_a_group(tmp_path):
+    names = ("r1_seg01", "r1_seg02", "r2_seg01", "r2_seg10", "r3")
+    touch(tmp_path, *(f"oak/{name}.wav" for name in names), "elm/clip-1.wav", "elm/clip-2.wav")
+    table = read_folder(tmp_path)
+    groups = [(row.path.stem, row.group) for row in table if row.label == "oak"]
+    assert groups == [*zip(names, ("oak/0", "oak/0", "oak/1", "oak/1", "oak/2"), strict=True)]
+    assert len({row.group for row in table if row.label == "elm"}) == 2
+    assert [note.partition(" by their")[0] for note in table.notes] == [
+        "4 files are pieces of 2 recordings"
+    ]
+    touch(tmp_path / "one", "oak/cut_part1.wav", "oak/cut_part2.wav", "elm/1.wav")
+    table = read_folder(tmp_path / "one")
+    assert (len({row.group for row in table}), table.notes) == (3, ())
+
+
 def test_archives_are_to_be_unpacked(tmp_path):
     with pytest.raises(UserError, match=r"holds no rec.*, …\)\. Unpack archives"):
         read_folder(touch(tmp_path / "a", "oak.zip"))

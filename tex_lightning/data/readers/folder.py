@@ -6,6 +6,7 @@ own, ``root/CLASS/NAME/*``, are read as well. A class without folders for its se
 lies, ``root/CLASS/*``: a file's suffix tells its sense.
 """
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -45,6 +46,10 @@ READ_ME = {  # text and tables beside recordings, of any suffix
     "readme", "read_me", "readme_first", "license", "metadata", "index", "labels", "manifest",
     "notes", "note", "comments", "description", "protocol", "summary",
 }  # fmt: skip
+PIECE = re.compile(  # ends of names of what was cut from one recording
+    r"[_. -](seg(ment)?|chunk|part|win(dow)?|slice|clip|piece|crop|patch|tile|aug)s?[_. -]?\d+$",
+    re.IGNORECASE,
+)
 MAX_KINDS = 6
 MAX_WHOLE = 3  # tables, in which all recordings may be, since so few are no data set
 TO_SOUND = " Convert other sound to .flac or .wav, such as with ffmpeg."
@@ -136,6 +141,7 @@ def read_folder(root: str | Path) -> Recordings:
             f"Beside the folders of classes and not read: {count_kinds(beside)}; move each into "
             "the folder of its class."
         )
+    notes += _pieces(rows)
     if deeper:
         notes.append(f"Too deep and not read: {count_kinds(deeper)}; {advise(root, deeper)}.")
     check_sensors(root, rows)
@@ -280,9 +286,31 @@ def _read_class(directory: Path, notes: list[str]) -> list[Recording]:
     rows = []
     for sense, paths in inner.items():
         ordered = sorted(paths, key=lambda path: natural_key(path.name))
-        places = {stem: n for n, stem in enumerate(dict.fromkeys(path.stem for path in ordered))}
-        rows += [Recording(label, sense, path, f"{label}/{places[path.stem]}") for path in ordered]
+        names = _uncut([path.stem for path in ordered])
+        places = {name: n for n, name in enumerate(dict.fromkeys(names))}
+        rows += [
+            Recording(label, sense, path, f"{label}/{places[name]}")
+            for path, name in zip(ordered, names, strict=True)
+        ]
     return rows
+
+
+def _uncut(names: Sequence[str]) -> Sequence[str]:
+    """Return for each name that of the recording, if they are pieces of several."""
+    whole = [PIECE.sub("", name) for name in names]
+    return whole if len({*whole}) > 1 else names
+
+
+def _pieces(rows: Sequence[Recording]) -> list[str]:
+    """Say which files are in one group as pieces of one recording."""
+    cut = [row for row in rows if PIECE.search(row.path.stem)]
+    groups = {(row.modality, row.group) for row in cut}
+    return [
+        f"{len(cut)} files are pieces of {len(groups)} recordings by their names, such as "
+        f"{row.path}, and those of one recording are a group."
+        for row in cut[:1]
+        if len(groups) < len(cut)
+    ]
 
 
 def _unwrapped(directory: Path) -> Path:
