@@ -75,7 +75,9 @@ def test_senses_above_the_classes_are_told_with_the_pattern_that_pairs_them(tmp_
     files = [f"{each}/{label}/1.{end}" for label in ("oak", "elm")
              for each, end in (("Haptics", "wav"), ("sound", "wav"), ("image", "JPG"))]  # fmt: skip
     root = touch(tmp_path, *files)
-    (pattern,) = patterns(hint(str(root), read_folder(root))[0], root)
+    with pytest.raises(UserError, match="Haptics, image, sound in the place of classes") as caught:
+        read_folder(root)
+    (pattern,) = patterns(str(caught.value), root)
     table, others = read_names(root, pattern)
     assert others == []
     found = {(row.label, row.modality, row.path.relative_to(root).as_posix()) for row in table}
@@ -89,7 +91,9 @@ def test_other_names_of_senses_are_told_as_names_and_not_as_groups(tmp_path):
     assert hint(str(tmp_path), table) == []
     told = rename({"Acceleration", "photos", "thermal"})
     above = touch(tmp_path / "b", *crossed("acc photos", "oak elm"))
-    (pattern,) = patterns(hint(str(above), read_folder(above))[0], above)
+    with pytest.raises(UserError) as caught:
+        read_folder(above)
+    (pattern,) = patterns(str(caught.value), above)
     assert rename({row.modality for row in read_names(above, pattern)[0]}).startswith(" Rename acc")
     assert (
         told == " Rename Acceleration to haptic, photos to image (folders, or the column modality)."
@@ -99,7 +103,11 @@ def test_other_names_of_senses_are_told_as_names_and_not_as_groups(tmp_path):
 
 @pytest.mark.parametrize(
     ("tops", "pattern"),
-    [("train test", "{split}/{label}_{group}.wav"), ("raw filtered", "raw/{label}_{group}.wav")],
+    [
+        ("train test", "{split}/{label}_{group}.wav"),
+        ("haptics sound", "{modality}/{label}_{group}.wav"),
+        ("raw filtered", "raw/{label}_{group}.wav"),
+    ],
 )
 def test_parts_and_versions_in_the_place_of_classes_are_refused(tmp_path, tops, pattern):
     touch(tmp_path, *crossed(tops, ending="oak_1.wav"), "results/1.csv")
@@ -226,8 +234,12 @@ def test_a_table_that_agrees_with_the_folders_is_not_told(tmp_path):
 
 
 def test_flat_files_are_told_by_the_mark_that_all_names_have(tmp_path):
+    close = touch(tmp_path / "close", "oak01.wav", "oak12.wav", "elm3.wav")
+    with pytest.raises(UserError, match="pattern=") as caught:
+        read_folder(close)
+    assert read_as_told(close, str(caught.value)) == [["elm 3", "oak 01", "oak 12"]]
     with pytest.raises(UserError, match=r"pattern='\{label\}-\{group\}\.wav', and train"):
-        read_folder(touch(tmp_path, "red_oak-1.wav", "elm-1.wav", "README.txt"))
+        read_folder(touch(tmp_path / "b", "red_oak-1.wav", "elm-1.wav", "README.txt"))
 
 
 @pytest.mark.parametrize(
@@ -250,3 +262,16 @@ def test_folders_of_versions_below_a_star_are_versions_too(tmp_path):
     assert {row.path.parent.name for row in table} == {"raw"}
     (pattern,) = patterns(table.notes[0], root)
     assert {row.path.parent.name for row in read_names(root, pattern)[0]} == {"filtered"}
+
+
+def test_a_stroke_and_a_photo_in_folders_of_senses_alone_are_a_group(tmp_path):
+    root = touch(
+        tmp_path, "haptic/oak_1.wav", "haptic/elm_1.wav", "image/oak_1.jpg", "image/elm_1.jpg"
+    )
+    with pytest.raises(UserError) as caught:
+        read_folder(root)
+    (pattern,) = patterns(str(caught.value), root)
+    table, _ = read_names(root, pattern)
+    assert sorted((row.label, row.modality, row.group) for row in table) == [
+        ("elm", "haptic", "1"), ("elm", "image", "1"), ("oak", "haptic", "1"), ("oak", "image", "1")
+    ]  # fmt: skip

@@ -24,6 +24,7 @@ from tex_lightning.data.readers.layout import (
     doubts,
     flat_pattern,
     is_called,
+    is_sense,
     tables_of_labels,
     without_versions,
 )
@@ -159,6 +160,8 @@ def _class_folders(root: Path, notes: list[str]) -> list[Path]:
     aside = [folder for folder in folders if is_called(folder.name, ASIDE)]
     instead = [folder for folder in folders if is_called(folder.name, SPLITS | VERSIONS)]
     classes = [folder for folder in folders if folder not in aside and folder not in instead]
+    if all(is_sense(folder.name) for folder in classes):
+        classes, instead = [], [*instead, *classes]
     if not classes and len(instead) > 1:
         paths = [path for folder in instead for path in _deeper(folder, ()) or _recorded(folder)]
         if paths:

@@ -38,7 +38,7 @@ SENSOR = re.compile(
 SEPARATORS = "_- "
 MEANT = {  # names of folders and of modalities that are none of the package's
     **dict.fromkeys(("acc", "accel", "acceleration", "accelerometer", "vibration", "tactile",
-                     "touch", "trace", "signal"), "haptic"),
+                     "touch", "trace", "signal", "movement"), "haptic"),
     **dict.fromkeys(("photo", "picture", "img", "visual", "camera", "rgb"), "image"),
     **dict.fromkeys(("audio", "mic", "microphone"), "sound"),
 }  # fmt: skip
@@ -72,9 +72,7 @@ def advise(root: Path, paths: Sequence[Path], name: str = "*") -> str:
         return named
     folders = {path: path.relative_to(root).parts[:-1] for path in paths}
     kept = {p: f for p, f in folders.items() if not f or not is_called(f[0], ASIDE - SPLITS)}
-    plain = [
-        [part for part in parts if not _is_sense(part)] for parts in (kept or folders).values()
-    ]
+    plain = [[part for part in parts if not is_sense(part)] for parts in (kept or folders).values()]
     depth = max(map(len, plain))
     levels = [[*dict.fromkeys(each[n] for each in plain if len(each) > n)] for n in range(depth)]
     deepest = next(p for p, each in zip(kept or folders, plain, strict=True) if len(each) == depth)
@@ -83,8 +81,10 @@ def advise(root: Path, paths: Sequence[Path], name: str = "*") -> str:
     patterns = []
     for at in _levels_of_classes(levels):
         tokens = iter(_tokens(levels, at))
-        parts = [_sense_token(p) if _is_sense(p) else next(tokens) for p in folders[deepest]]
-        end = ending if at is not None else f"{{label}}_{{group}}{ending.removeprefix(name)}"
+        parts = [_sense_token(p) if is_sense(p) else next(tokens) for p in folders[deepest]]
+        end = (
+            ending if at is not None else f"{{label}}_{{group}}{ending.removeprefix(name) or '.*'}"
+        )
         patterns.append((levels[at] if at is not None else [], "/".join([*parts, end])))
     return by_pattern(root, *(patterns if len(patterns) > 1 else [((), patterns[0][1])]))
 
@@ -100,7 +100,7 @@ def hint(root: str | None, rows: Iterable[Recording]) -> list[str]:
     paths = [row.path for row in rows]
     deep = [
         p for p in paths if len(parts := p.relative_to(folder).parts) > 2
-        and (_is_sense(parts[0]) or sum(not _is_sense(part) for part in parts) > 2)
+        and (is_sense(parts[0]) or sum(not is_sense(part) for part in parts) > 2)
     ]  # fmt: skip
     text = advise(folder, deep) if deep else _named_in(folder, paths) if paths else ""
     return [f"{text[:1].upper()}{text[1:]}."] if text else []
@@ -177,7 +177,8 @@ def _are_numbered(names: Sequence[str]) -> bool:
     )
 
 
-def _is_sense(part: str) -> bool:
+def is_sense(part: str) -> bool:
+    """Return whether a folder is called as one of the package's senses, or may mean one."""
     return sense_called(part.casefold()) in MODALITIES or bool(_meant(part))
 
 
@@ -186,7 +187,7 @@ def _meant(name: str) -> str:
 
 
 def _sense_token(part: str) -> str:
-    return "{modality}" if _is_sense(part) else "*"
+    return "{modality}" if is_sense(part) else "*"
 
 
 def tables_of_labels(root: Path) -> Iterable[Recordings]:
@@ -201,12 +202,13 @@ def tables_of_labels(root: Path) -> Iterable[Recordings]:
 
 
 def flat_pattern(paths: Sequence[Path]) -> str:
-    """Return a pattern for the names of files that lie in one folder: class, separator, number."""
+    """Return a pattern for files that lie in one folder: class, separator if any, number."""
     stems = [path.stem for path in paths]
     marks = (mark for mark in SEPARATORS if all(mark in stem for stem in stems))
+    usual = "" if all(re.search(r"\D\d+$", stem) for stem in stems) else "_"
     suffixes = {path.suffix for path in paths}
     ending = paths[0].suffix if len(suffixes) == 1 else ".*"
-    return f"{{label}}{next(marks, '_')}{{group}}{ending}"
+    return f"{{label}}{next(marks, usual)}{{group}}{ending}"
 
 
 def check_sensors(root: Path, rows: Sequence[Recording]) -> None:
@@ -307,7 +309,7 @@ def _sessions_as_classes(root: Path, rows: Sequence[Recording]) -> list[str]:
     shared = {_without_numbers(sorted(each)) for each in files.values()}
     heads, tail = next(iter(shared), ((), ""))
     fewest = min(map(len, files.values()), default=0)
-    several = len(heads) <= fewest / (1 if _are_numbered(names) else 2)
+    several = len(heads) <= fewest / (1 if _are_numbered(names) else 2) and not _are(heads, SPLITS)
     if len(names) > 1 == len(shared) < len(heads) and several and all(map(_is_word, heads)):
         pattern = f"{{group}}/{inside}{{label}}{tail}{'*' if tail else '{take}'}{path.suffix}"
         return [f"{listed(names)} are read as the classes; {by_pattern(root, (heads, pattern))}."]
