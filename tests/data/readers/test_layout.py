@@ -106,6 +106,7 @@ def test_other_names_of_senses_are_told_as_names_and_not_as_groups(tmp_path):
     [
         ("train test", "{split}/{label}_{group}.wav"),
         ("haptics sound", "{modality}/{label}_{group}.wav"),
+        ("haptic", "{modality}/{label}_{group}.wav"),
         ("raw filtered", "raw/{label}_{group}.wav"),
     ],
 )

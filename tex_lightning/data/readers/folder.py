@@ -162,7 +162,7 @@ def _class_folders(root: Path, notes: list[str]) -> list[Path]:
     classes = [folder for folder in folders if folder not in aside and folder not in instead]
     if all(is_sense(folder.name) for folder in classes):
         classes, instead = [], [*instead, *classes]
-    if not classes and len(instead) > 1:
+    if not classes and (len(instead) > 1 or any(is_sense(folder.name) for folder in instead)):
         paths = [path for folder in instead for path in _deeper(folder, ()) or _recorded(folder)]
         if paths:
             raise UserError(
