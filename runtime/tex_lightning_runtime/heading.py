@@ -187,8 +187,8 @@ def _as_many(line: str, dialect: Dialect, columns: Kinds) -> list[str]:
             or (len(cells) != len(columns.kinds) and cells[-1].casefold() in ("", "comment"))
         ):
             cells.pop()
-        titled = cells[0].endswith((":", "=")) or cells[0] == "Headers"  # Fields: x y
-        if len(cells) == count + 1 and titled:
+        more = len(cells) == count + 1
+        if more and (cells[0].endswith((":", "=")) or cells[0] == "Headers"):  # Fields: x y
             cells = cells[1:]
         alike = separator == dialect.separator and columns.numbered
         if alike and 1 < len(cells) == count - 1 and {*map(kind, cells)} == {"text"}:
