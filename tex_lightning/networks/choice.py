@@ -63,6 +63,7 @@ class LineFit:
             chooses it.
         shrinkage: How far the scatter of scores within classes is taken for equal in every
             direction: the fewer rows there are for each class, the further.
+        weight: By which the changes count.
     """
 
     def __init__(
@@ -73,9 +74,10 @@ class LineFit:
         *,
         strength: float | None,
         shrinkage: float,
+        weight: float,
     ) -> None:
         self.ridge, self.parts, self.units = ridge, parts, units
-        self.strength, self.shrinkage = strength, shrinkage
+        self.strength, self.shrinkage, self.weight = strength, shrinkage, weight
 
     def choose(self, subsets: Iterable[Tensor]) -> Choice:
         """Choose the settings with the smallest error on the parts that are left out.
@@ -91,7 +93,7 @@ class LineFit:
         if not len(self.ridge.changes):
             return best
         units = count_units(self.ridge.labels, self.units, self.ridge.classes).sum()
-        return self._tried(best.products, float(units) * best.ridge, best.ridge)
+        return self._tried(best.products, self.weight * float(units) * best.ridge, best.ridge)
 
     def _best_strength(self, products: Products) -> Choice:
         """Return the choice of strength with the smallest error, inside of what was tried."""
@@ -261,6 +263,7 @@ def fit_line(
     levels: int,
     strength: float | None,
     shrinkage: float,
+    weight: float,
 ) -> Line:
     """Fit linear scores to all rows, with settings that are chosen on some of them.
 
@@ -274,11 +277,14 @@ def fit_line(
         levels: Number of the last features, whose scatter is made equal.
         strength: As of :class:`LineFit`.
         shrinkage: Likewise.
+        weight: Likewise.
     """
     some, nth = chosen_rows(labels, classes)
     few, (parts, units) = labels[some] // nth, (x[some] for x in left_out)
     ridge = Ridge(rows[some], few, math.ceil(classes / nth), changes, levels)
-    fit = LineFit(ridge, parts, units, strength=strength, shrinkage=shrinkage)
+    fit = LineFit(
+        ridge, parts, units, strength=strength, shrinkage=shrinkage, weight=weight
+    )  # fmt: skip
     choice = fit.choose(subsets)
     one, counts = fit.reliability(choice)
     factors = factors_of(one, counts)

@@ -52,7 +52,8 @@ class LinearNet(nn.Module):
     Another sensor, clock or hand changes the features of a stroke, and must not change its class.
     So the scores hardly follow the directions in which disturbed recordings differ from themselves:
     their mean square is added to the ridge (Simard et al. 1992, Tangent prop; Bishop 1995, Training
-    with noise is equivalent to Tikhonov regularization).
+    with noise is equivalent to Tikhonov regularization). Where fragments are the rows, it counts
+    the root of their number in a recording as often.
 
     Where strokes drift in speed and force, a class is a surface in the features and no point. A
     Gaussian of each class that reaches far in two directions, over the fragments of a block of the
@@ -215,7 +216,9 @@ class LinearNet(nn.Module):
         share = torch.repeat_interleave(self.sizes.double().rsqrt(), self.sizes)  # of unit length
         rows = rows.sub_(mean).mul_(scale * share)
         changes = unit_changes(disturbed, scale * share, self.levels)
-        line, gainless = self._lines(rows, labels, left_out, changes)
+        # of a recording's fragments, which resemble each other, there are about so many in effect
+        weight = (len(rows) / len(inputs)) ** 0.5
+        line, gainless = self._lines(rows, labels, left_out, changes, weight)
         rows = whitened(rows, line.whitening).div_(share)  # in place: many take all the memory
         self.mean.copy_(mean[:, None, None])
         self.scale.copy_(scale[:, None, None])
@@ -235,16 +238,18 @@ class LinearNet(nn.Module):
         self._fit_reach(examples, rows, share.square())
 
     def _lines(
-        self, rows: Tensor, labels: Tensor, left_out: LeftOut, changes: Tensor
+        self, rows: Tensor, labels: Tensor, left_out: LeftOut, changes: Tensor, weight: float
     ) -> tuple[Line, Line | None]:
         """Fit the line to standardised rows (rows, D), and one without what depends on the gain.
+
+        ``weight`` is that of the changes.
 
         Raises:
             UserError: If all rows are the same.
         """
         fitted = partial(
             fit_line, labels=labels, left_out=left_out, classes=self.classes,
-            strength=self.strength, shrinkage=self.shrinkage,
+            strength=self.strength, shrinkage=self.shrinkage, weight=weight,
         )  # fmt: skip
         varies = rows.any(dim=0)
         subsets = [kept for kept in self._subsets() if (kept * varies).any()]
