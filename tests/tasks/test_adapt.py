@@ -18,7 +18,7 @@ def trace(kind: int, number: int) -> np.ndarray:
     """A second of noise, whose spectrum tells the class and varies in three more directions."""
     rng = np.random.default_rng(7)
     classes, drift = rng.standard_normal((9, BANDS)), rng.standard_normal((3, BANDS))
-    rng = np.random.default_rng([kind, number])
+    rng = np.random.default_rng([kind, number, 2])
     gains = 0.8 * classes[kind] + 0.2 * rng.standard_normal(3) @ drift
     noise = np.fft.rfft(rng.standard_normal(RATE))
     places = np.linspace(0, BANDS - 1, len(noise))
@@ -61,13 +61,13 @@ def test_files_without_labels_help(strokes, trained, adapted, cli):
     before, after = (cli("task=predict", f"checkpoint={x}", files) for x in (trained, adapted))
     assert before.status == after.status == 0
     assert errors(before.out) > 5
-    assert errors(after.out) <= 1
+    assert errors(after.out) == 0
     results = json.loads((adapted / "results.json").read_text())
     entry = results["networks"]["haptic"]
     assert (results["task"], entry["adapted"], entry["reason"]) == ("adapt", True, None)
     assert entry["recordings"] == CLASSES * EACH
     assert set(entry["taught"]) == {*map(str, range(CLASSES))}
-    assert entry["changed"] >= errors(before.out) - errors(after.out)
+    assert entry["changed"] == errors(before.out)
     assert tl.load(adapted).classifier.rows["haptic"].labels.tolist() == [*range(CLASSES)]
 
 
@@ -183,8 +183,8 @@ def test_the_estimator_adapts(trained):
     others = [trace(n // EACH, 1 + n % EACH) for n in range(len(kinds))]
     before = model.score(others, kinds)
     assert model.adapt(others) is model
-    assert model.score(others, kinds) > 0.99 > before
+    assert model.score(others, kinds) == 1 > before
     assert not model.adaptation_.reason
     with pytest.warns(UserWarning, match="Nothing was adapted: of 10 recordings"):
         model.adapt(others[::12])
-    assert model.score(others, kinds) > 0.99
+    assert model.score(others, kinds) == 1
