@@ -58,6 +58,29 @@ def test_folders_that_are_told_apart(tmp_path, files, told):
     assert read_as_told(root, text) == [told]
 
 
+@pytest.mark.parametrize(
+    ("levels", "told"),
+    [
+        (("P1 P2", "oak elm", "1 2"), [["elm P1", "elm P2", "oak P1", "oak P2"]]),
+        (("oak elm", "1 2", "7 8 9"), [["elm 1", "elm 2", "oak 1", "oak 2"]]),
+        (("red_oak elm", "1 2"), [["elm 1", "elm 2", "red_oak 1", "red_oak 2"]]),
+        (("oak elm", "2026-05", "1 2", "1 2"), [["elm 1", "elm 2", "oak 1", "oak 2"]]),
+        (("oak elm", "1 2", "train test"), [["elm 1", "elm 2", "oak 1", "oak 2"]]),
+        (("oak elm", "1 2", "acc photo"), [["elm 1", "elm 2", "oak 1", "oak 2"]]),
+        (("oak elm", "slow fast", "1 2"),
+         [["elm fast", "elm slow", "oak fast", "oak slow"],
+          ["fast elm", "fast oak", "slow elm", "slow oak"]]),
+        (("1 2", "3", "5 6"), [["1_3 5", "1_3 6", "2_3 5", "2_3 6"]]),
+    ],
+)  # fmt: skip
+def test_parts_of_names_in_one_folder_are_told(tmp_path, levels, told):
+    names = [name.rstrip("/").replace("/", "_") for name in crossed(*levels, ending="")]
+    touch(tmp_path, *(f"{name}.wav" for name in names))
+    with pytest.raises(UserError, match="no folder for each class: it holds") as caught:
+        read_folder(tmp_path)
+    assert read_as_told(tmp_path, str(caught.value)) == told
+
+
 def test_both_readings_are_told_of_folders_that_nothing_tells_apart(tmp_path):
     files = crossed("ann bob", "oak elm")
     rows = read_folder(touch(tmp_path, *files)).rows  # as senses, which no model has

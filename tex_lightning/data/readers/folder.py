@@ -22,7 +22,7 @@ from tex_lightning.data.readers.layout import (
     by_pattern,
     check_sensors,
     doubts,
-    flat_pattern,
+    flat_patterns,
     is_called,
     is_sense,
     tables_of_labels,
@@ -211,7 +211,7 @@ def _nothing_in(root: Path, others: Sequence[Path], counted: Sequence[str]) -> s
     if recorded:
         return (
             f"Folder {root} has no folder for each class: it holds {count_kinds(flat)}; "
-            f"{by_pattern(root, ((), flat_pattern(recorded)))}, or with a pattern that fits their "
+            f"{by_pattern(root, *flat_patterns(recorded))}, or with a pattern that fits their "
             "names better."
         )
     said = (

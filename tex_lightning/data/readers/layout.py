@@ -201,14 +201,42 @@ def tables_of_labels(root: Path) -> Iterable[Recordings]:
             yield Recordings(table.rows, (*table.notes, note))
 
 
-def flat_pattern(paths: Sequence[Path]) -> str:
-    """Return a pattern for files that lie in one folder: class, separator if any, number."""
-    stems = [path.stem for path in paths]
-    marks = (mark for mark in SEPARATORS if all(mark in stem for stem in stems))
-    usual = "" if all(re.search(r"\D\d+$", stem) for stem in stems) else "_"
-    suffixes = {path.suffix for path in paths}
+def flat_patterns(paths: Sequence[Path]) -> list[tuple[Sequence[str], str]]:
+    """Return patterns of the names of files in one folder, with the classes where in doubt.
+
+    If all names have as many parts, as ``P01_oak_3``, each is taken as a level of folders would be.
+    Else they are a class, a separator if any, and a number.
+    """
+    stems, suffixes = [path.stem for path in paths], {path.suffix for path in paths}
     ending = paths[0].suffix if len(suffixes) == 1 else ".*"
-    return f"{{label}}{next(marks, usual)}{{group}}{ending}"
+    usual = "" if all(re.search(r"\D\d+$", stem) for stem in stems) else "_"
+    mark = next((mark for mark in SEPARATORS if all(mark in stem for stem in stems)), "")
+    divided = [stem.split(mark) for stem in stems] if mark else []
+    told = _by_parts(divided, mark) if len({*map(len, divided)}) == 1 else []
+    patterns = told or [([], f"{{label}}{mark or usual}{{group}}")]
+    return [(classes if len(told) > 1 else (), pattern + ending) for classes, pattern in patterns]
+
+
+def _by_parts(names: Sequence[Sequence[str]], mark: str) -> list[tuple[list[str], str]]:
+    """Return the classes and patterns of names in as many parts, if parts come back that are words.
+
+    Args:
+        names: Parts of each name.
+        mark: What stood between them.
+    """
+    levels = [[*dict.fromkeys(each)] for each in zip(*names, strict=True)]
+    plain = [level for level in levels if len(level) > 1 and not all(map(is_sense, level))]
+    told = []
+    for at in _levels_of_classes(plain):
+        if at is None or len(plain[at]) == len(names) or _are_numbered(plain[at]):
+            continue
+        tokens = iter(_tokens(plain, at))
+        parts = [
+            next(tokens) if level in plain else level[0] if len(level) == 1 else "{modality}"
+            for level in levels
+        ]
+        told.append((plain[at], mark.join(parts)))
+    return told
 
 
 def check_sensors(root: Path, rows: Sequence[Recording]) -> None:
