@@ -28,7 +28,7 @@ from benchmarks._classifiers import make_classifier
 from tex_lightning.classifier.checkpoint import lightning_state
 from tex_lightning.config import CONF
 from tex_lightning.errors import UserError
-from tex_lightning.export.onnx_file import make_onnx, write_onnx
+from tex_lightning.export.onnx_file import make_onnx, onnx_bytes
 from tex_lightning.studies.timing import interleaved
 
 RUNTIME = CONF.parent / "runtime"
@@ -79,7 +79,7 @@ def write(folder: Path, overrides: tuple[str, ...]) -> dict[str, str]:
     state = lightning_state(classifier)
     card = classifier.card.to_dict()
     torch.save({"hyper_parameters": {"card": card}, "state_dict": state}, folder / "a.ckpt")
-    write_onnx(make_onnx(classifier), folder / "a.onnx")
+    (folder / "a.onnx").write_bytes(onnx_bytes(make_onnx(classifier)))
     rng = np.random.default_rng(0)
     soundfile.write(folder / "a.wav", 0.1 * rng.standard_normal(48_000), 10_000)
     Image.fromarray(rng.integers(0, 256, (960, 1280, 3), np.uint8)).save(folder / "a.jpg")

@@ -28,6 +28,7 @@ from tex_lightning.config import CONF, SILENT, Config, flatten, plain_values, re
 from tex_lightning.config.check import checked_config
 from tex_lightning.config.composition import (
     Job,
+    as_composed,
     current_job,
     run_composed,
     split_flags,
@@ -36,10 +37,9 @@ from tex_lightning.config.help_text import answer, asks
 from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.config.mistakes import check_choices, to_user_error
 from tex_lightning.config.overrides import key_of, parsed_overrides
-from tex_lightning.config.quoting import as_typed
 from tex_lightning.config.rules import check_typed
 from tex_lightning.config.tasks import NO_FOLDER, TRAINING
-from tex_lightning.config.user_folders import use_config_dir, with_own_senses
+from tex_lightning.config.user_folders import use_config_dir
 from tex_lightning.core.console import Screen, console, say, show_rank_zero, verbosity
 from tex_lightning.core.contract import fault_of
 from tex_lightning.core.progress import finishing
@@ -209,7 +209,7 @@ def _run(arguments: Sequence[str]) -> int:
     if not is_rank_zero():
         show_rank_zero()
         overrides.append("hydra/job_logging=none")
-    sys.argv[1:] = [*flags, *with_own_senses(as_typed(overrides))]
+    sys.argv[1:] = [*flags, *as_composed(overrides)]
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
     with finishing():
         entry()

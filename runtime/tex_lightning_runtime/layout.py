@@ -285,7 +285,12 @@ def _between(data: bytes, plain: bytes, above: list[str]) -> tuple[list[str], st
     """Return what to say of empty lines and remarks between numbers, and one that is above, too."""
     remarks, empty = data.count(b"\n") - plain.count(b"\n"), len(EMPTY.findall(data))
     found = {"empty": empty if empty < FOOTER else 0, "commented": remarks}
-    told = "lines stand between the numbers, which are read as one recording"
     again = (x for x in above if remarks and COMMENT.match(x) and re.search(r"\w\w", x))
     again = (x for x in again if f"\n{x}\n".encode() in data)
-    return [f"{count} {what} {told}" for what, count in found.items() if count], next(again, "")
+    told = [
+        f"{count} {what} {'line stands' if count == 1 else 'lines stand'} between the numbers, "
+        "which are read as one recording"
+        for what, count in found.items()
+        if count
+    ]
+    return told, next(again, "")

@@ -1033,7 +1033,7 @@ def test_names_that_a_logger_writes_again_divide_no_times(tmp_path):
     samples, rate, reading = read_table(write(tmp_path, text))
     assert (samples.shape, rate) == ((3, COUNT), pytest.approx(RATE))
     assert reading.notes == (
-        "1 commented lines stand between the numbers, which are read as one recording",
+        "1 commented line stands between the numbers, which are read as one recording",
     )
 
 
@@ -1166,9 +1166,9 @@ TOLD = {
         ROWS + "".join(f"Mean {n},1,2\n" for n in range(20)), "20 lines below the numbers are left"
     ),
     "an empty line": (
-        f"{ROWS}\n{ROWS}", "1 empty lines stand between the numbers, which are read as one"
+        f"{ROWS}\n{ROWS}", "1 empty line stands between the numbers, which are read as one"
     ),
-    "a remark": (f"{ROWS}# run 2\n{ROWS}", "1 commented lines stand between the numbers, "),
+    "a remark": (f"{ROWS}# run 2\n{ROWS}", "1 commented line stands between the numbers, "),
     "lines that repeat": ("t,x,y,z\n" + TWICE, "1 lines that repeat the one before are left out"),
     "a line with text and a number as below": (
         "boot,440\n" + table(column(np.array(NUMBERS) * 7 % 99, "{}"), column(

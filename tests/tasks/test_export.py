@@ -103,7 +103,7 @@ def test_an_export_that_was_killed_does_not_keep_out_the_next(
     monkeypatch.setattr(export, "onnx_runner", lambda model: None)
     monkeypatch.setattr(export, "compare", lambda *_: dict(said))
     monkeypatch.setattr(export, "require_agreement", lambda *_: None)
-    monkeypatch.setattr(export, "write_onnx", lambda _, partial: partial.write_text("onnx"))
+    monkeypatch.setattr(export, "onnx_bytes", lambda model: b"onnx")
     with monkeypatch.context() as killed:  # once the file is there
         killed.setattr(export, "say", lambda *_: 1 / 0)
         with pytest.raises(ZeroDivisionError):

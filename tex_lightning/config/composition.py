@@ -34,7 +34,21 @@ def compose_config(overrides: Sequence[str] = ()) -> DictConfig:
         HydraException: If an override is wrong.
     """
     with _hydra():
-        return compose(NAME, overrides=with_own_senses(as_typed(overrides)))
+        return compose(NAME, overrides=as_composed(overrides))
+
+
+def as_composed(overrides: Sequence[str]) -> list[str]:
+    """Return overrides as Hydra gets them: names in quotes, and the senses of a user's folders.
+
+    Raises:
+        UserError: If a run folder has no name, for which Hydra would take the current folder, or
+            ``hydra.searchpath`` names a folder that is not there.
+    """
+    for override in overrides:
+        key, _, value = override.partition("=")
+        if key in ("hydra.run.dir", "hydra.sweep.dir") and not value.strip(" '\""):
+            raise UserError(f"{key} is empty; give a folder, or leave it out.")
+    return with_own_senses(as_typed(overrides))
 
 
 def run_composed(function: Callable[[DictConfig], Any], overrides: Sequence[str]) -> Any:  # noqa: ANN401
@@ -55,9 +69,7 @@ def run_composed(function: Callable[[DictConfig], Any], overrides: Sequence[str]
             raised.append(error)
 
     with _hydra():
-        config = compose(
-            NAME, overrides=with_own_senses(as_typed(overrides)), return_hydra_config=True
-        )
+        config = compose(NAME, overrides=as_composed(overrides), return_hydra_config=True)
         if config.hydra.mode == RunMode.MULTIRUN:
             raise UserError(
                 "These overrides are a sweep; run it by python -m tex_lightning, or call this "

@@ -77,13 +77,10 @@ def named_folders(overrides: Sequence[str]) -> Iterator[Path]:
     """Yield folders that ``hydra.searchpath=[file://DIR,…]`` names.
 
     Raises:
-        UserError: If one is not there, of which Hydra would warn in lines of code, or a run folder
-            has no name: Hydra would take the current folder.
+        UserError: If one is not there, of which Hydra would warn in lines of code.
     """
     for override in overrides:
         key, _, value = override.partition("=")
-        if key in ("hydra.run.dir", "hydra.sweep.dir") and not value.strip(" '\""):
-            raise UserError(f"{key} is empty; give a folder, or leave it out.")
         if key == "hydra.searchpath":
             for entry in value.strip("[]").split(","):
                 place = entry.strip(" '\"").removeprefix("file://")

@@ -3,7 +3,6 @@
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from statistics import median
 from typing import Any
 
@@ -85,10 +84,11 @@ def require(name: str) -> Any:  # noqa: ANN401
         raise UserError(f"This needs {name}, which is not installed; {EXTRA}.") from error
 
 
-def write_onnx(model: Any, path: Path) -> None:  # noqa: ANN401
-    """Write a model to one file, without the notes of where in the code a node comes from."""
+def onnx_bytes(model: Any) -> bytes:  # noqa: ANN401
+    """Return the file of a model, without the notes of where in the code a node comes from."""
     _clear(model.graph)
-    path.write_bytes(model.SerializeToString())
+    content: bytes = model.SerializeToString()
+    return content
 
 
 def _clear(graph: Any) -> None:  # noqa: ANN401

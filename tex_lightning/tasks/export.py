@@ -3,7 +3,7 @@
 import json
 import logging
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import say
-from tex_lightning.core.files import read_record, write_atomically, write_bytes, write_text
+from tex_lightning.core.files import read_record, write_bytes, write_text
 from tex_lightning.data.store import cache_root
 from tex_lightning.errors import UserError
 from tex_lightning.export.metadata import metadata, model_card
@@ -20,10 +20,10 @@ from tex_lightning.export.onnx_file import (
     compare,
     make_onnx,
     noise_sample,
+    onnx_bytes,
     onnx_runner,
     require_agreement,
     without_defaults,
-    write_onnx,
 )
 from tex_lightning.export.web_page import page_files, runtime_files
 from tex_lightning.inference.prediction import check_unknown
@@ -72,14 +72,15 @@ def export_classifier(
     file = out / ("MODEL_CARD.md" if card else f"{classifier.card.kind}.onnx")
     claim = _claimed(out, [RECORD, file.name, *page])
     if card:
-        write_text(out / RECORD, json.dumps(claim, indent=1))
-        write_text(file, model_card(classifier, checkpoint))
-        say(str(file))
-        entry: dict[str, Any] = {}
+        agreement, content = dict[str, Any](), model_card(classifier, checkpoint).encode()
     else:
-        entry = _write_onnx(config, classifier, file, page, claim)
-    entry |= {"file": file.name, "bytes": file.stat().st_size, "files": claim["files"]}
-    results = {"task": config.task, "format": config.export.format, **entry}
+        agreement, content = _compared(config, classifier, in_page=bool(page))
+    write_text(out / RECORD, json.dumps(claim, indent=1))
+    for name, part in {file.name: content, **page}.items():
+        write_bytes(out / name, part)
+    _show(file, agreement, page)
+    entry = {"file": file.name, "bytes": len(content), "files": claim["files"]}
+    results = {"task": config.task, "format": config.export.format, **agreement, **entry}
     write_text(out / RECORD, json.dumps(results, indent=1))
     return results
 
@@ -104,31 +105,29 @@ def _claimed(out: Path, names: Sequence[str]) -> dict[str, Any]:
     return {**before, "files": [*dict.fromkeys([RECORD, *written, *names])]}
 
 
-def _write_onnx(
-    config: Config,
-    classifier: SurfaceClassifier,
-    file: Path,
-    page: dict[str, bytes],
-    claim: dict[str, Any],
-) -> dict[str, Any]:
-    """Write what onnxruntime runs, compared with its classifier before; and the page around it."""
+def _compared(
+    config: Config, classifier: SurfaceClassifier, *, in_page: bool
+) -> tuple[dict[str, Any], bytes]:
+    """Return how what onnxruntime runs agrees with its classifier, and the file."""
     model = make_onnx(classifier)
     samples = [noise_sample(classifier, seed) for seed in range(config.export.check)]
     agreement = compare(onnx_runner(model), classifier, samples)
     require_agreement(agreement, classifier)
-    content = without_defaults(model) if page else model
-    write_text(file.parent / RECORD, json.dumps(claim, indent=1))
-    write_atomically(file, lambda partial: write_onnx(content, partial))
+    return agreement, onnx_bytes(without_defaults(model) if in_page else model)
+
+
+def _show(file: Path, agreement: Mapping[str, Any], page: Mapping[str, bytes]) -> None:
+    """Print which file was written, how it agrees with its classifier, and how a page is served."""
+    if not agreement:
+        say(str(file))
+        return
     say(
         f"{file}: {file.stat().st_size / 1e6:.1f} MB; {agreement['same_labels']} of "
         f"{agreement['recordings']} labels equal those of the checkpoint, scores within "
         f"{agreement['score_difference']:.1g} of their range."
     )
     if page:
-        for name, part in page.items():
-            write_bytes(file.parent / name, part)
         say(
             f"Serve {file.parent} with python -m http.server --bind 127.0.0.1 -d {file.parent}",
             wraps=False,
         )
-    return agreement
