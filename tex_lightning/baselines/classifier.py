@@ -2,7 +2,6 @@
 
 import inspect
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +20,7 @@ from tex_lightning.config.instantiation import (
 )
 from tex_lightning.core.contract import breach, calling, describe_value
 from tex_lightning.data.recordings import Recording, class_indices
-from tex_lightning.data.store import Store, load_recording
+from tex_lightning.data.store import Loaded, Store, load_recording
 from tex_lightning.errors import UserError
 from tex_lightning.networks.archives import SizeLimit
 from tex_lightning.networks.blocks import Level
@@ -222,10 +221,14 @@ class BaselineClassifier(SurfaceClassifier):
         fit: Any = self.baseline.fit
         labels = np.array(class_indices([row.label for row in rows], self.card.classes))
         groups = [row.group_key for row in rows]
-        part = as_part(self.baseline)
-        with calling(*part):
+        sense = self.senses[self.card.kind]
+
+        def load(row: Recording) -> "Array":
+            return as_baseline_takes_it(sense(load_recording(row, store)))
+
+        with calling(*as_part(self.baseline)):
             more = {"groups": groups} if "groups" in inspect.signature(fit).parameters else {}
-            fit(Loaded(rows, store, self.senses[self.card.kind]), labels, seed, **more)
+            fit(Loaded(rows, load), labels, seed, **more)
 
     def count_parameters(self) -> int:
         """Count the numbers that were fitted."""
@@ -251,20 +254,3 @@ def load_classifier(path: str | Path) -> SurfaceClassifier:
             classifier = BaselineClassifier(card)
             classifier.baseline.load_state(content["baseline"])
     return classifier
-
-
-@dataclass(frozen=True)
-class Loaded(Sequence["Array"]):
-    """Recordings in the form that a baseline takes, each loaded on access."""
-
-    rows: Sequence[Recording]
-    store: Store
-    sense: Sense
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    def __getitem__(self, index: Any) -> Any:  # noqa: ANN401  (a number or a slice)
-        if isinstance(index, slice):
-            return [self[place] for place in range(*index.indices(len(self.rows)))]
-        return as_baseline_takes_it(self.sense(load_recording(self.rows[index], self.store)))

@@ -12,10 +12,10 @@ import os
 import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Self, TypeVar, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -299,3 +299,25 @@ def load_recording(row: Recording, store: Store) -> Tensor:
 def load_sample(sample: Sample, store: Store) -> dict[str, Tensor]:
     """Return decoded recordings of a sample by modality, copied to memory."""
     return {name: load_recording(row, store) for name, row in sample.recordings.items()}
+
+
+@dataclass(frozen=True)
+class Loaded(Sequence[T]):
+    """Recordings in the form that ``load`` gives them, each loaded when it is looked at."""
+
+    rows: Sequence[Recording]
+    load: Callable[[Recording], T]
+
+    def __len__(self) -> int:
+        """Number of recordings."""
+        return len(self.rows)
+
+    @overload
+    def __getitem__(self, place: int) -> T: ...
+    @overload
+    def __getitem__(self, place: slice) -> Self: ...
+    def __getitem__(self, place: int | slice) -> T | Self:
+        """Load one of them, or choose some."""
+        if isinstance(place, slice):
+            return replace(self, rows=self.rows[place])
+        return self.load(self.rows[place])

@@ -11,7 +11,7 @@ from typing import Any, cast
 import torch
 from torch import Tensor
 
-from tex_lightning.classifier.card import NOVELTIES, Card
+from tex_lightning.classifier.card import NOVELTIES
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics, TrainingRows
 from tex_lightning.config import EngineConfig
@@ -19,7 +19,7 @@ from tex_lightning.core.devices import to_cpu
 from tex_lightning.core.groups import leave_out
 from tex_lightning.core.progress import track
 from tex_lightning.data.banks import Bank, InputBank
-from tex_lightning.data.folds import Sample, Split, make_samples
+from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.recordings import Recording, Recordings, class_indices, plural
 from tex_lightning.data.store import Store, load_recording, load_sample
 from tex_lightning.errors import UserError
@@ -208,6 +208,8 @@ def calibrate(
 ) -> tuple[dict[str, Any], float | None]:
     """Measure temperature and novelties of a trained classifier on the validation fold.
 
+    A baseline has no novelties.
+
     The novelties of known samples set the threshold of ``decision.unknown``. If no layer before the
     scores was trained, they include those of left-out training recordings. Trained features fit
     their training recordings too well for that: of new recordings a third would be above the 95 %
@@ -231,42 +233,20 @@ def calibrate(
         outputs = fast.sense_outputs(**recordings).values()
         partials = [output.partial_logits for output in outputs]
         scores.append(fast.fuse(partials, fast.seed(**recordings)))
-        validated.append(torch.stack([cast(Tensor, output.novelty) for output in outputs]))
+        if classifier.statistics:
+            validated.append(torch.stack([cast(Tensor, output.novelty) for output in outputs]))
     # such scores are calibrated on all training recordings, which is better than on a few samples
     fitted = any(left_out.values()) and fits_probabilities(classifier)
-    calibration, loss = _calibrated(card, samples, scores, loss, fitted=fitted)
+    temperature, calibration = card.temperature, dict[str, Any]()
+    if samples and not fitted:
+        calibration["temperature"] = temperature = sample_temperature(card, samples, scores)
+    if samples and loss is None:
+        loss = sample_loss(card, samples, scores, temperature)
     known = [x.tolist() for x in to_cpu(validated)]
     if classifier.statistics and (rows := [*_left_out(left_out, classifier, parts), *known]):
         columns = zip(card.sense_names, map(list, zip(*rows, strict=True)), strict=True)
         calibration[NOVELTIES] = dict(columns)
     return calibration, loss
-
-
-@torch.inference_mode()
-def calibrate_baseline(
-    classifier: SurfaceClassifier, parts: Split, store: Store
-) -> tuple[dict[str, Any], float | None]:
-    """Measure a fitted baseline on the validation fold; see :func:`calibrate`."""
-    samples = make_samples(parts.val, classifier.card.modalities)
-    scores = [classifier.logits(**load_sample(sample, store)) for sample in samples]
-    return _calibrated(classifier.card, samples, scores, None)
-
-
-def _calibrated(
-    card: Card,
-    samples: Sequence[Sample],
-    scores: Sequence[Tensor],
-    loss: float | None,
-    *,
-    fitted: bool = False,
-) -> tuple[dict[str, Any], float | None]:
-    """Return the temperature unless scores are calibrated already, and the validation loss."""
-    if not samples:
-        return {}, loss
-    temperature = card.temperature if fitted else sample_temperature(card, samples, scores)
-    if loss is None:
-        loss = sample_loss(card, samples, scores, temperature)
-    return {} if fitted else {"temperature": temperature}, loss
 
 
 def _left_out(

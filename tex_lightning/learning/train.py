@@ -38,7 +38,7 @@ from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatche
 from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.recordings import Recording, class_indices
 from tex_lightning.data.store import Store, load_recording
-from tex_lightning.learning.finish import calibrate, calibrate_baseline, set_statistics
+from tex_lightning.learning.finish import calibrate, set_statistics
 from tex_lightning.learning.loggers import open_loggers, show_inputs
 from tex_lightning.learning.module import SurfaceModule, make_module
 from tex_lightning.learning.provenance import complete_recipe
@@ -192,8 +192,9 @@ class Training:
     def _start(self, trainer: Trainer, module: LightningModule, stage: str) -> None:
         """Give the network its first weights; a resumed training does not call this."""
         module, batches, engine = cast(SurfaceModule, module), self.batches, self.config.engine
+        groups = [row.group_key for row in self._rows]
         with self._timed():
-            start_network(module, batches, self.groups, self.weights, self.device, engine)
+            start_network(module, batches, groups, self.weights, self.device, engine)
             show_inputs(self.loggers, module, batches)
 
     def _finish(self, trainer: Trainer, module: LightningModule) -> None:
@@ -230,7 +231,9 @@ class Training:
         with self._timed():
             classifier.fit(rows, self.store, self.config.seed)
         check_fitted_baseline(classifier, [load_recording(row, self.store) for row in rows[:2]])
-        calibration, loss = calibrate_baseline(classifier, self.parts, self.store)
+        calibration, loss = calibrate(
+            classifier, self.parts, self.store, self.config.engine, {}, None
+        )
         self._complete(classifier, calibration, {"fit_seconds": self.seconds, "val_loss": loss})
         classifier.save(self.checkpoint)
         return classifier
@@ -286,11 +289,6 @@ class Training:
     def weights(self) -> str | None:
         """Source of the trunk's first weights; None is random."""
         return self.config.sources.get(self.card.kind)
-
-    @property
-    def groups(self) -> list[str]:
-        """Group of each training recording of the first sense."""
-        return [row.group_key for row in self._rows]
 
     @property
     def _rows(self) -> Sequence[Recording]:

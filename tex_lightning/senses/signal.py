@@ -9,7 +9,7 @@ from contextlib import suppress
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any, ClassVar, Self, cast, overload
+from typing import Any, ClassVar, cast
 
 import numpy as np
 import torch
@@ -21,7 +21,7 @@ from tex_lightning.core.progress import track
 from tex_lightning.data.banks import Bank, Indices, InputBank
 from tex_lightning.data.decode import Array, SignalDecoder, read_trace
 from tex_lightning.data.recordings import Recording, plural
-from tex_lightning.data.store import Store, load_recording
+from tex_lightning.data.store import Loaded, Store, load_recording
 from tex_lightning.errors import UserError
 from tex_lightning.networks.linear import LinearNet
 from tex_lightning.perturbations.pixels import Scene
@@ -65,12 +65,8 @@ class SignalSense(Sense):
     @classmethod
     def make_decoder(cls, decode: Mapping[str, Any]) -> SignalDecoder:
         """Make the decoder; files without a rate have the one that all are brought to."""
-        rate, channels, unit = (
-            decode["sampling_rate"],
-            decode.get("channels"),
-            decode.get("time_unit"),
-        )
-        chosen, given = None if channels is None else tuple(channels), decode.get("file_rate")
+        rate, given, channels = decode["sampling_rate"], *map(decode.get, ("file_rate", "channels"))
+        chosen, unit = None if channels is None else tuple(channels), decode.get("time_unit")
         return SignalDecoder(rate, given or rate, chosen, unit, assumes=given is None)
 
     @property
@@ -136,7 +132,7 @@ class SignalSense(Sense):
         """
         features: Any = self.features
         if learn and hasattr(features, "learn"):
-            features.learn(Loaded(rows, store, self.device))
+            features.learn(Loaded(rows, lambda row: load_recording(row, store).to(self.device)))
         clean = (self._raw(load_recording(row, store)) for row in self._tracked(rows))
         perturbed = self._perturbed(rows, store, fit, seed)
         raw = InputBank(chain(clean, perturbed), 1).inputs
@@ -290,33 +286,6 @@ class SignalSense(Sense):
         trace = to_rate(raw, rate, target, name)
         usual, measures = limits(ranges), trace_measures(level(trace), rate, target)
         return torch.from_numpy(trace), trace_quality(raw, usual, self.what, measures)
-
-
-class Loaded(Sequence[Tensor]):
-    """Decoded recordings, each loaded when it is looked at.
-
-    Args:
-        rows: The recordings.
-        store: Where they are decoded.
-        device: Where they are needed.
-    """
-
-    def __init__(self, rows: Sequence[Recording], store: Store, device: torch.device) -> None:
-        self.rows, self.store, self.device = rows, store, device
-
-    def __len__(self) -> int:
-        """Number of recordings."""
-        return len(self.rows)
-
-    @overload
-    def __getitem__(self, place: int) -> Tensor: ...
-    @overload
-    def __getitem__(self, place: slice) -> Self: ...
-    def __getitem__(self, place: int | slice) -> Tensor | Self:
-        """Load one of them, or choose some."""
-        if isinstance(place, slice):
-            return type(self)(self.rows[place], self.store, self.device)
-        return load_recording(self.rows[place], self.store).to(self.device)
 
 
 def fit_closed_form(network: Any, bank: Bank, labels: Indices, groups: Sequence[str]) -> None:  # noqa: ANN401
