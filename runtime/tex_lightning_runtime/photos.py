@@ -85,7 +85,8 @@ def _read(path: Path) -> tuple[Array, list[str]]:
         content = path.read_bytes() if path.stat().st_size <= MAX_MENDED else b""
         lost, note = 0, "its texts or its end are damaged and left out"
         if content.startswith(PNG):
-            content = _bare_png(content)
+            kept = (chunk for chunk in _chunks(content) if chunk[4:8] in KEPT)
+            content = PNG + b"".join(kept)  # without what its pixels do not need
         elif content.startswith(JPEG):
             content, note = content.removesuffix(END[:1]) + END, "its end is missing"
             lost = _lost_rows(content)
@@ -173,11 +174,6 @@ def _grey(values: Array) -> tuple[Array, str]:
         white = TWELVE_BITS if high <= TWELVE_BITS else SIXTEEN_BITS
     note = f"its greys from 0 to {white:,.0f} become 8 bits"
     return np.rint(values.astype(np.float64) * (255 / white)).astype(np.uint8), note
-
-
-def _bare_png(content: bytes) -> bytes:
-    """Return a PNG without the chunks that its pixels do not need."""
-    return PNG + b"".join(chunk for chunk in _chunks(content) if chunk[4:8] in KEPT)
 
 
 def _chunks(content: bytes) -> Iterator[bytes]:

@@ -11,8 +11,8 @@ from PIL import Image
 
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning_runtime import UserError
-from tex_lightning_runtime.recordings import decode, read_trace
 from tex_lightning_runtime.resampling import to_rate
+from tex_lightning_runtime.runtime import decode, read_trace
 
 AXES = np.stack([make_trace(kind, 0, 0.2) for kind in range(3)])
 PHOTO = {"what": "photo", "medium": "photo", "least": 1, "half_scale": False, "limits": {}}

@@ -14,7 +14,7 @@ from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.errors import UserError
 from tex_lightning_runtime.photos import read_photo, to_rgb
 from tex_lightning_runtime.pixels import as_pixels
-from tex_lightning_runtime.recordings import decode
+from tex_lightning_runtime.runtime import decode
 
 PHOTO = {"what": "photo", "medium": "photo", "least": 1, "half_scale": False, "limits": {}}
 PIXELS = make_photo(1, 0)

@@ -6,7 +6,7 @@ from conftest import make_photo, make_trace
 
 from tex_lightning.export.metadata import metadata
 from tex_lightning_runtime import UserError
-from tex_lightning_runtime.recordings import decode
+from tex_lightning_runtime.runtime import decode
 
 AXES = np.stack([make_trace(kind, 0, 0.2) for kind in range(3)])
 TRACES = {

@@ -8,7 +8,7 @@ import soundfile
 
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.errors import UserError
-from tex_lightning_runtime.recordings import read_trace
+from tex_lightning_runtime.runtime import read_trace
 from tex_lightning_runtime.sounds import read_sound
 
 SENSE = {"what": "trace", "rate": 10_000.0, "file_rate": 10_000.0, "channels": None}
