@@ -8,43 +8,27 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tex_lightning.classifier.classifier import SurfaceClassifier
-    from tex_lightning.cli import Results, train
-    from tex_lightning.data.datamodule import SurfaceData
-    from tex_lightning.data.manifest import read_manifest
-    from tex_lightning.data.readers.folder import read_folder
-    from tex_lightning.data.recordings import Recording, Recordings
-    from tex_lightning.errors import UserError
-    from tex_lightning.estimator import Estimator
-    from tex_lightning.inference.prediction import Prediction
-    from tex_lightning.inference.predictor import Predictor, load
-    from tex_lightning.networks.fusionnet import FusionNet
-    from tex_lightning.networks.hapticnet import HapticNet
-    from tex_lightning.networks.visualnet import VisualNet
+    from tex_lightning.classifier.classifier import SurfaceClassifier as SurfaceClassifier
+    from tex_lightning.cli import Results as Results
+    from tex_lightning.cli import train as train
+    from tex_lightning.data.datamodule import SurfaceData as SurfaceData
+    from tex_lightning.data.manifest import read_manifest as read_manifest
+    from tex_lightning.data.readers.folder import read_folder as read_folder
+    from tex_lightning.data.recordings import Recording as Recording
+    from tex_lightning.data.recordings import Recordings as Recordings
+    from tex_lightning.errors import UserError as UserError
+    from tex_lightning.estimator import Estimator as Estimator
+    from tex_lightning.inference.prediction import Prediction as Prediction
+    from tex_lightning.inference.predictor import Predictor as Predictor
+    from tex_lightning.inference.predictor import load as load
+    from tex_lightning.networks.fusionnet import FusionNet as FusionNet
+    from tex_lightning.networks.hapticnet import HapticNet as HapticNet
+    from tex_lightning.networks.visualnet import VisualNet as VisualNet
 
 if find_spec("tex_lightning_runtime") is None:  # a checkout that is not installed
     sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 
 __version__ = "0.2.0"
-
-__all__ = [
-    "Estimator",
-    "FusionNet",
-    "HapticNet",
-    "Prediction",
-    "Predictor",
-    "Recording",
-    "Recordings",
-    "Results",
-    "SurfaceClassifier",
-    "SurfaceData",
-    "UserError",
-    "VisualNet",
-    "load",
-    "read_folder",
-    "read_manifest",
-    "train",
-]
 
 # Where a public name is defined. Most modules need PyTorch, which is imported when one is asked
 # for: a mistyped command fails before.
@@ -66,6 +50,8 @@ _MODULES = {
     "read_manifest": "data.manifest",
     "train": "cli",
 }
+
+__all__ = [*_MODULES]
 
 # PyTorch's threads spin while they wait for each other, and beside another busy process they wait
 # for one that does not run: up to ten times as long. GNU's threads, which read the second, spin for

@@ -128,19 +128,18 @@ def train(*overrides: str) -> Results:
         content = json.loads(file.read_text(encoding="utf-8")) if is_rank_zero() else {}
         return Results(content, job.directory)
 
-    TURN.acquire()
-    try:
-        results: Results = run_composed(run, use_config_dir(overrides))
-    except Exception as error:
-        if began and not began[0].named:
-            remove_if_empty(began[0].directory)
-        mistake = to_user_error(error, began=bool(began))
-        if mistake is None or mistake is error:
-            raise
-        raise mistake from error
-    finally:
-        use_config_dir([])
-        TURN.release()
+    with TURN:
+        try:
+            results: Results = run_composed(run, use_config_dir(overrides))
+        except Exception as error:
+            if began and not began[0].named:
+                remove_if_empty(began[0].directory)
+            mistake = to_user_error(error, began=bool(began))
+            if mistake is None or mistake is error:
+                raise
+            raise mistake from error
+        finally:
+            use_config_dir([])
     return results
 
 
@@ -303,16 +302,27 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     config, composed, job = derive_settings(config, composed, job)
     if config.checkpoint is not None:
         config = replace(config, checkpoint=str(find_checkpoint(config.checkpoint)))
-    trust(*config.trusted, *named_classes(config.model.nodes))
-    with joining(processes := set_devices(config)):
+    with prepared(config, job):
         show_rank_zero(libraries=job.origin != "python")
-        check_processes(config, job, processes)
         results = _run_in_folder(config, composed, job)
     if config.task in TRAINING and results:
         from tex_lightning.evaluation.outcomes import optimized_value
 
         return optimized_value(results)
     return None
+
+
+@contextmanager
+def prepared(config: Config, job: Job) -> Iterator[None]:
+    """Trust the named classes, set the devices, and join the processes that train together.
+
+    Raises:
+        UserError: If a task cannot use the devices, or the processes cannot train together.
+    """
+    trust(*config.trusted, *named_classes(config.model.nodes))
+    with joining(processes := set_devices(config)):
+        check_processes(config, job, processes)
+        yield
 
 
 def _run_in_folder(config: Config, composed: DictConfig, job: Job) -> dict[str, Any]:

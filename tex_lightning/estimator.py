@@ -31,11 +31,10 @@ from sklearn.utils.validation import (
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.cli import TURN, check_processes, set_devices
+from tex_lightning.cli import TURN, prepared
 from tex_lightning.config import Config
 from tex_lightning.config.check import checked_config
 from tex_lightning.config.composition import Job, compose_config
-from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.config.mistakes import to_user_error
 from tex_lightning.config.overrides import as_key_value, named_model
 from tex_lightning.config.rules import check_typed
@@ -44,7 +43,6 @@ from tex_lightning.config.user_folders import use_config_dir
 from tex_lightning.core.console import messages, verbosity
 from tex_lightning.core.devices import own_defaults
 from tex_lightning.core.progress import finishing
-from tex_lightning.core.ranks import joining
 from tex_lightning.core.run_folder import checkpoint_of
 from tex_lightning.data.derived_settings import derive_settings
 from tex_lightning.data.readers.arrays import (
@@ -67,7 +65,7 @@ from tex_lightning.learning.adaptation import adapt, sample_features
 from tex_lightning.studies.fold import open_training, train_model
 from tex_lightning.studies.notes import recording_notes
 from tex_lightning.tasks.enroll import enroll, open_new_classes
-from tex_lightning.tasks.export import export_classifier
+from tex_lightning.tasks.export import export_checkpoint
 from tex_lightning_runtime.files import expanded
 from tex_lightning_runtime.quality import Quality
 from tex_lightning_runtime.samples import readable
@@ -346,8 +344,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             config = checked_config(compose_config(["task=export", *overrides]))
             out = expanded(folder)
             out.mkdir(parents=True, exist_ok=True)
-            classifier = load_classifier(checkpoint)
-            written = export_classifier(config, classifier, checkpoint, out)
+            written = export_checkpoint(config, checkpoint, out)
         return [out / name for name in written["files"]]
 
     @contextmanager
@@ -431,15 +428,13 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
 
     def _train(self, config: Config, job: Job) -> SurfaceClassifier:
         """Train as the command line would, and return the whole model."""
-        trust(*config.trusted, *named_classes(config.model.nodes))
         folder = job.directory
         if self.directory is None:
             config = replace(config, logger={})
         else:
             name = f"{datetime.now():%Y-%m-%d_%H-%M-%S_%f}"
             self.run_folder_ = folder = expanded(self.directory).resolve() / name
-        with joining(processes := set_devices(config)):
-            check_processes(config, job, processes)
+        with prepared(config, job):
             dataset = open_training(config, folder)
             self.notes_ = recording_notes(dataset)
             train_model(config, dataset, folder)

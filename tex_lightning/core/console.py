@@ -112,18 +112,13 @@ def is_interactive() -> bool:
     return alone and console.is_interactive and console.file.isatty()
 
 
-def log_once(logger: logging.Logger, text: str, level: int = logging.INFO) -> None:
-    """Log a message that is the same for every fold, such as the source of weights, once."""
-    if text not in Screen.logged:
-        Screen.logged.add(text)
-        logger.log(level, "%s", text)
-
-
-def warn_once(logger: logging.Logger, text: str, key: str) -> None:
-    """Log a warning of the first file of several that have the same."""
-    if key not in Screen.logged:
+def log_once(
+    logger: logging.Logger, text: str, level: int = logging.INFO, *, key: str | None = None
+) -> None:
+    """Log a message once: what is the same for every fold, or the first of those of one key."""
+    if (key := text if key is None else key) not in Screen.logged:
         Screen.logged.add(key)
-        logger.warning("%s", text)
+        logger.log(level, "%s", text)
 
 
 def say(text: str, style: str = "", *, wraps: bool = True) -> None:

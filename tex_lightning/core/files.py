@@ -65,6 +65,11 @@ def read_record(path: Path) -> dict[str, Any]:
     return content
 
 
+def read_or_empty(path: Path) -> dict[str, Any]:
+    """Read a record of a run; empty where there is none."""
+    return read_record(path) if path.is_file() else {}
+
+
 def write_rows(target: Path, columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
     """Write a CSV that is whole or not there."""
 

@@ -56,10 +56,16 @@ class Stage:
         self.title = title or self.title
         self.note = ", ".join(notes) or self.note
         self._show(done)
+        told = "; ".join(level.label for level in Stage.levels)
         if NotebookLine.is_possible():
-            NotebookLine.show("; ".join(level.label for level in Stage.levels))
-        else:
-            _log_progress()
+            NotebookLine.show(told)
+        elif (
+            Stage.bars.disable  # no bar is drawn
+            and Screen.verbose > QUIET
+            and time.monotonic() - Stage.told >= TOLD
+        ):
+            Stage.told = time.monotonic()
+            log.info("In progress: %s.", told)
 
     def _show(self, done: float) -> None:
         counted = self.total is not None and self.total > 1
@@ -123,14 +129,6 @@ def _cut(depth: int) -> None:
         Stage.bars.stop()
         if NotebookLine.handle is not None and NotebookLine.is_possible():
             NotebookLine.show("")
-
-
-def _log_progress() -> None:
-    """Log all levels in one line, once a minute, where no bar is drawn."""
-    due = time.monotonic() - Stage.told >= TOLD and Screen.verbose > QUIET
-    if due and Stage.bars.disable:
-        Stage.told = time.monotonic()
-        log.info("In progress: %s.", "; ".join(level.label for level in Stage.levels))
 
 
 def track(items: Iterable[Item], title: str | Callable[[Item], str]) -> Iterator[Item]:

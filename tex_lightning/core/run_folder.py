@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from filelock import FileLock, Timeout
 from omegaconf import DictConfig, OmegaConf
 
-from tex_lightning.core.files import read_record, unwritable, write_text
+from tex_lightning.core.files import read_or_empty, read_record, unwritable, write_text
 from tex_lightning.errors import UserError, listed
 from tex_lightning_runtime.files import expanded, require_readable_name
 
@@ -148,8 +148,7 @@ def system_name(source: str | Path) -> str:
     """Return the model whose checkpoint it is; of a network inside a fusion its own name."""
     try:
         file = find_checkpoint(source)
-        run = run_of(file)
-        results = read_record(run / "results.json") if (run / "results.json").is_file() else {}
+        results = read_or_empty(run_of(file) / "results.json")
         whole = file.stem == [*results.get("networks", {"": None})][-1]
         name = str(results["model"]) if whole else file.stem
         return re.sub(r"[^\w.+-]+", "_", name)[:LONGEST] or "checkpoint"
@@ -191,8 +190,7 @@ def find_checkpoint(source: str | Path) -> Path:
         raise UserError(
             f"{path} holds no finished checkpoint (checkpoints/KIND.ckpt); give {example}."
         )
-    note = path / SETTINGS
-    settings = read_record(note) if note.is_file() else {}
+    settings = read_or_empty(path / SETTINGS)
     senses = settings.get("model.senses") or list(files)
     kind = senses[0] if len(senses) == 1 else "fusion"
     if settings.get("task") in ("enroll", "adapt"):  # which have the senses of another model

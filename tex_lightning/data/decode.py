@@ -18,7 +18,7 @@ import numpy.typing as npt
 from PIL import Image
 
 from tex_lightning.config.signatures import misfits
-from tex_lightning.core.console import warn_once
+from tex_lightning.core.console import log_once
 from tex_lightning.errors import UserError
 from tex_lightning_runtime.columns import Reading
 from tex_lightning_runtime.files import is_file
@@ -147,7 +147,8 @@ class PhotoDecoder:
         """
         photo, notes = read_photo(path)
         for note in notes:
-            warn_once(log, f"Image {path}: {note} (said of the first such image).", note)
+            said = f"Image {path}: {note} (said of the first such image)."
+            log_once(log, said, logging.WARNING, key=note)
         return Decoded(self.scale(photo, f"Image {path}"))
 
     def scale(self, photo: Photo, name: str) -> Photo:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tex_lightning.evaluation.outcomes import Counts, Outcome
+from tex_lightning.evaluation.outcomes import Counts, Outcome, vote_counts
 
 
 class Pair(NamedTuple):
@@ -56,11 +56,8 @@ def confused_pairs(outcomes: Sequence[Outcome], classes: Sequence[str]) -> list[
     """
     counts = fragment_counts(outcomes, classes)
     shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-    samples = np.zeros_like(counts)
+    samples = vote_counts(outcomes, classes)
     index = {name: number for number, name in enumerate(classes)}
-    for outcome in outcomes:
-        if outcome.label in index and outcome.predicted in index:
-            samples[index[outcome.label], index[outcome.predicted]] += 1
     pairs = [
         Pair(classes[row], classes[column], float(shares[row, column]), int(samples[row, column]))
         for row, column in np.argwhere((counts > 0) | (samples > 0)).tolist()

@@ -207,12 +207,13 @@ def _cpu_name() -> str:
 Counts = npt.NDArray[np.int64]
 
 
-def vote_counts(outcomes: Sequence[Outcome], classes: list[str]) -> Counts:
-    """Count samples by true class (row) and predicted class (column)."""
+def vote_counts(outcomes: Sequence[Outcome], classes: Sequence[str]) -> Counts:
+    """Count samples of these classes by true class (row) and predicted class (column)."""
     index = {name: number for number, name in enumerate(classes)}
     matrix = np.zeros((len(classes), len(classes)), dtype=np.int64)
     for outcome in outcomes:
-        matrix[index[outcome.label], index[outcome.predicted]] += 1
+        if outcome.label in index and outcome.predicted in index:
+            matrix[index[outcome.label], index[outcome.predicted]] += 1
     return matrix
 
 

@@ -10,7 +10,8 @@ from tex_lightning import __version__
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config.instantiation import PACKAGE, named_classes
-from tex_lightning.core.files import read_record
+from tex_lightning.core.files import read_or_empty
+from tex_lightning.core.run_folder import run_of
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.errors import listed
 from tex_lightning.senses.base import Sense
@@ -127,8 +128,6 @@ def model_card(classifier: SurfaceClassifier, checkpoint: Path) -> str:
 
 def _results(checkpoint: Path) -> dict[str, Any]:
     """Read ``results.json`` of the run, or of all folds for the checkpoint of one."""
-    run = checkpoint.resolve().parent.parent
-    for folder in ([run.parent.parent] if run.parent.name == "folds" else []) + [run]:
-        if (folder / RESULTS).is_file():
-            return read_record(folder / RESULTS)
-    return {}
+    file = checkpoint.resolve()
+    found = (read_or_empty(folder / RESULTS) for folder in (run_of(file), file.parent.parent))
+    return next(filter(None, found), {})

@@ -7,13 +7,13 @@ from typing import Any
 import numpy.typing as npt
 
 from tex_lightning.core.console import console
-from tex_lightning.core.files import write_bytes
+from tex_lightning.core.files import read_or_empty, write_bytes
 from tex_lightning.report.artifacts import png
 from tex_lightning.report.pictures import recording_picture, row_of
-from tex_lightning.report.table import Table, make_table, read_or_empty
+from tex_lightning.report.table import Table, make_table
 
 FILE = "data.json"
-FOLDER = "data"  # of the pictures
+FOLDER = "data"  # of the pictures in a run folder
 SIDE, WIDTH = 112, 176  # pixels of an example, and of a signal's to the right
 ACROSS = 6  # examples in a row
 PARTS = {"train": "trained on", "val": "validate", "test": "tested"}
@@ -35,11 +35,6 @@ def data_tables(directory: Path) -> list[Table]:
         Table("Notes on the data", [{"note": note} for note in told["notes"]][:MAX_LISTED]),
     ]
     return [table for table in tables if table.rows]
-
-
-def data_pictures(directory: Path) -> list[Path]:
-    """Return the pictures of a run folder that show what its data are."""
-    return sorted((directory / FOLDER).glob("*.png"))
 
 
 def facts_of(told: Mapping[str, Any]) -> dict[str, str]:

@@ -34,7 +34,9 @@ def frontier_figure(rows: Sequence[FrontierRow], title: str, chance: float) -> F
         chance: Accuracy of guessing, drawn as a line if it is not far from all.
     """
     systems = sorted(rows, key=lambda row: (-row["vote_accuracy"], row["latency_ms_mean"]))
-    names = [_name(row) for row in systems]
+    whole = [brief(row["name"], LONGEST) + " (chosen)" * row["chosen"] for row in systems]
+    # in lines so short that a phone shows the figures beside them
+    names = [fill(name, LINE, break_on_hyphens=False) for name in whole]
     height = 1.1 + ROW * len(systems) * (1 if max(map(len, names)) < LINE else TALL)
     figure = Figure(figsize=(7, height), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=(5, 4))
@@ -61,13 +63,6 @@ def frontier_figure(rows: Sequence[FrontierRow], title: str, chance: float) -> F
         axes.spines[["top", "right", "left"]].set_visible(False)
     figure.suptitle(f"{title}, chance {chance:.1%}\n{BLUE}", fontsize=9)
     return figure
-
-
-def _name(row: FrontierRow) -> str:
-    """Return the name in lines so short that a phone shows the figures beside it."""
-    return fill(
-        brief(row["name"], LONGEST) + " (chosen)" * row["chosen"], LINE, break_on_hyphens=False
-    )
 
 
 def _colour(row: FrontierRow) -> str:

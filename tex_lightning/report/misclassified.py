@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from tex_lightning.core.files import write_bytes, write_text
+from tex_lightning.core.files import read_or_empty, write_bytes, write_text
 from tex_lightning.data.folds import Sample
 from tex_lightning.evaluation.confusion import confused_pairs, own_pairs
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
 from tex_lightning.report.artifacts import jpeg, wav
-from tex_lightning.report.gallery import PAIRS, side_of
+from tex_lightning.report.gallery import PAIRS, sides_of
 from tex_lightning.report.samples import ShownSample, ShownSense, worst
-from tex_lightning.report.table import Table, read_or_empty
+from tex_lightning.report.table import Table
 from tex_lightning.text import printable
 
 FOLDER = "samples"
@@ -42,8 +42,7 @@ def keep_samples(
     wrong = [n for n in worst(outcomes, MAX_WRONG) if outcomes[n].label != outcomes[n].predicted]
     pairs = []
     for pair in confused_pairs(outcomes, classes)[:PAIRS]:
-        sides = (side_of(outcomes, pair.label, pair.predicted), side_of(outcomes, pair.predicted))
-        pairs.append({**pair._asdict(), "sides": [n for n in sides if n is not None]})
+        pairs.append({**pair._asdict(), "sides": sides_of(outcomes, pair)})
     numbers = dict.fromkeys([*wrong, *(n for pair in pairs for n in pair["sides"])])
     home = directory / FOLDER
     told = {

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.config.overrides import given_overrides
-from tex_lightning.core.files import read_rows, write_text
-from tex_lightning.report.data_page import data_pictures, data_tables
+from tex_lightning.core.files import read_or_empty, read_rows, write_text
+from tex_lightning.report.data_page import FOLDER, data_tables
 from tex_lightning.report.misclassified import class_tables, error_cards
 from tex_lightning.report.systems import NOTES, comparison_tables, read_systems
 from tex_lightning.report.table import (
@@ -21,7 +21,6 @@ from tex_lightning.report.table import (
     facts,
     is_tiny,
     profile_table,
-    read_or_empty,
     run_overrides,
     run_settings,
     typed_overrides,
@@ -64,7 +63,7 @@ def write_report(
         "tables": [*first, *(comparison_tables(systems) if compares else _own_tables(results))],
         "figures": _figures(directory, results.get("networks", {})),
         "data": data_tables(directory),
-        "examples": data_pictures(directory),
+        "examples": sorted((directory / FOLDER).glob("*.png")),
         "embedded": embedded,
         "is_broad": is_broad,
         "directory": directory,

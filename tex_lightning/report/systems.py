@@ -6,6 +6,7 @@ from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any
 
+from tex_lightning.core.files import read_or_empty
 from tex_lightning.evaluation.comparison import mcnemar, pair
 from tex_lightning.evaluation.conditions import pool_conditions
 from tex_lightning.evaluation.metrics import METRICS, metrics_in, pooled_metrics, told
@@ -17,7 +18,6 @@ from tex_lightning.report.table import (
     condition_rows,
     counted,
     paper_table,
-    read_or_empty,
     run_settings,
 )
 
@@ -203,7 +203,8 @@ def _line(system: ReportedSystem, top: ReportedSystem, paper: Mapping[str, Any])
         "system": system.label,
         "accuracy, paper": f"{paper['vote']:g} %" if "vote" in paper else "",
         "accuracy": _accuracy(system),
-        "95 % interval": _interval(system),
+        # seeds test the same samples, so that Wilson's interval is not theirs
+        "95 % interval": "" if system.seeds else METRICS["vote_ci95"].told(ours),
         **({} if system.seeds else told(ours, metrics_in("comparison", "scores"))),
         "p against the top": "top" if system is top else _against(top, system),
         "fragments, paper": f"{paper['fragment']:g} %" if "fragment" in paper else "",
@@ -216,13 +217,6 @@ def _accuracy(system: ReportedSystem) -> str:
     if not system.seeds:
         return counted(summarise(system.outcomes))
     return f"{system.accuracy:.1%} ± {stdev(system.seeds):.1%} ({len(system.seeds)} seeds)"
-
-
-def _interval(system: ReportedSystem) -> str:
-    """Return Wilson's interval of the counts; seeds have none, since they test the same samples."""
-    if system.seeds:
-        return ""
-    return METRICS["vote_ci95"].told(summarise(system.outcomes))
 
 
 def _against(top: ReportedSystem, system: ReportedSystem) -> str:

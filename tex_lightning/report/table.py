@@ -11,7 +11,7 @@ from rich.table import Table as Screened
 from tex_lightning.config.overrides import hydra_settings
 from tex_lightning.config.user_folders import is_added
 from tex_lightning.core.console import DEBUG, Screen, console
-from tex_lightning.core.files import read_record
+from tex_lightning.core.files import read_or_empty
 from tex_lightning.core.run_folder import SETTINGS
 from tex_lightning.evaluation.conditions import CONDITIONS, by_size
 from tex_lightning.evaluation.metrics import METRICS, counts_text, metrics_in, told
@@ -192,11 +192,6 @@ def print_tables(directory: Path, *tables: Screened) -> None:
     if is_tiny(run_overrides(directory)):
         console.print(TINY, style="bold yellow")
     console.print(f"Results in {directory}", soft_wrap=True)
-
-
-def read_or_empty(path: Path) -> dict[str, Any]:
-    """Read a JSON object; empty where there is no such file."""
-    return read_record(path) if path.is_file() else {}
 
 
 def run_settings(directory: Path) -> dict[str, Any]:

@@ -151,10 +151,11 @@ def open_dataset(data: DataConfig, senses: Sequence[Sense]) -> Dataset:
     needed = replace(needed, notes=(*needed.notes, *beside))
     recordings, unknown = hold_out(needed, data.hold_out)
     if len(recordings.classes) < 2:
+        folders = " and ".join(f"{data.root}/CLASS/{name}" for name in modalities)
         raise UserError(
             f"The data has {' or '.join(modalities)} recordings of "
             f"{listed(recordings.classes) or 'no class'}, and telling classes apart takes two; "
-            f"choose another model, or add recordings{_where_to(data, modalities)}."
+            f"choose another model, or add recordings{(data.root and f' ({folders})') or ''}."
             + "".join(f" {text}" for text in beside)
         )
     dataset = Dataset.decode(recordings, unknown, store, recordings.classes)
@@ -170,13 +171,6 @@ def of_no_sense(rows: Recordings, modalities: Sequence[str]) -> list[str]:
         f"Not read, as no sense is called so: {told} (such as {row.path}).{rename(counts)}"
         for row in others[:1]
     ]
-
-
-def _where_to(data: DataConfig, modalities: Sequence[str]) -> str:
-    """Return the folders in which recordings of some modalities are expected."""
-    if data.root is None:
-        return ""
-    return f" ({' and '.join(f'{data.root}/CLASS/{name}' for name in modalities)})"
 
 
 def open_test_data(

@@ -24,7 +24,6 @@ from tex_lightning.report.data_page import (
     PARTS,
     Description,
     draw_examples,
-    facts_of,
 )
 from tex_lightning.studies.dataset import Dataset
 from tex_lightning.studies.notes import MAX_NOTES, recording_notes
@@ -179,13 +178,6 @@ def keep_description(description: Description, dataset: Dataset, directory: Path
         rate = getattr(dataset.store.decoders[modality], "sampling_rate", None)
         loaded = {label: dataset.store.load(row) for label, row in chosen.items()}
         draw_examples(directory, modality, loaded, rate)
-
-
-def data_facts(
-    data: DataConfig, dataset: Dataset, divisions: Sequence[Folding] = ()
-) -> dict[str, str]:
-    """Return what the data of a run are as text, by heading; arguments as of describe_data."""
-    return facts_of(describe_data(data, dataset, divisions))
 
 
 def _sizes(entry: Mapping[str, Any]) -> str:

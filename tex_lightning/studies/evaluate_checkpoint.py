@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import chain
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from lightning.pytorch.loggers import Logger
@@ -15,7 +14,7 @@ from tex_lightning.config import Config, Folding, plain_values
 from tex_lightning.core.devices import computing_device
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store, Unusable, load_sample, skipped_entry
-from tex_lightning.evaluation.conditions import Bins, by_condition
+from tex_lightning.evaluation.conditions import by_condition
 from tex_lightning.evaluation.confusion import fragment_counts
 from tex_lightning.evaluation.metrics import pooled_metrics
 from tex_lightning.evaluation.novelty import report_unknown
@@ -31,7 +30,7 @@ from tex_lightning.inference.engine import sample_macs
 from tex_lightning.inference.prediction import warn_of_few
 from tex_lightning.learning.loggers import log_test, trial_settings
 from tex_lightning.report.artifacts import Artifact, shows
-from tex_lightning.report.embeddings import projector_artifacts
+from tex_lightning.report.data_page import facts_of
 from tex_lightning.report.figures import (
     calibration_figure,
     confusion_figure,
@@ -41,13 +40,14 @@ from tex_lightning.report.figures import (
 from tex_lightning.report.gallery import (
     figure_artifacts,
     pair_artifacts,
+    projector_artifacts,
     sample_artifacts,
     text_artifacts,
 )
 from tex_lightning.report.misclassified import SampleView, keep_samples
 from tex_lightning.report.samples import ShownSample, show_sample
 from tex_lightning.studies.dataset import Dataset
-from tex_lightning.studies.description import data_facts
+from tex_lightning.studies.description import describe_data
 
 MIN_CALIBRATED = 50  # samples from which a calibration is drawn
 
@@ -95,21 +95,20 @@ def describe_network(
 
 
 def report_network(
+    config: Config,
+    dataset: Dataset,
     classifier: SurfaceClassifier,
     checkpoint: Path,
     samples: Sequence[Sample],
-    store: Store,
+    unknown: Sequence[Sample],
     directory: Path,
-    config: Config,
-    unknown: Sequence[Sample] = (),
-    bins: Bins = MappingProxyType({}),
 ) -> tuple[dict[str, Any], list[Outcome]]:
     """Test a network as prediction runs it; write its predictions into the run folder.
 
     Returns:
         Its entry of ``results.json``, and what became of each sample.
     """
-    kind = classifier.card.kind
+    kind, store = classifier.card.kind, dataset.store
     warn_of_few(classifier.card.deciding(config.decision))
     decider = make_inference_model(classifier, config.engine, config.decision)
     fold = None if config.data.test_where else config.data.test_fold
@@ -117,7 +116,7 @@ def report_network(
     write_outcomes(outcomes, directory / "predictions" / f"{kind}.csv")
     entry = {
         **pooled_metrics(outcomes),
-        **by_condition(samples, outcomes, bins),
+        **by_condition(samples, outcomes, dataset.condition_bins),
         **describe_network(classifier, checkpoint, samples[0], store),
         **report_unknown(decider, unknown, store, directory, outcomes, fold),
     }
@@ -176,7 +175,7 @@ def log_network(
         artifacts += [*figure_artifacts(directory, name), *further]
     if showing and (not trains or name == model.kind):
         results = {"classes": dataset.classes, "networks": networks}
-        facts = data_facts(config.data, dataset, trains)
+        facts = facts_of(describe_data(config.data, dataset, trains))
         artifacts += text_artifacts(directory, results, facts)
         artifacts += pair_artifacts(directory, networks, dataset.classes)
     trial = trial_settings(directory, model.name, config.data.name, name) if trains else None

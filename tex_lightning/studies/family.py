@@ -20,7 +20,7 @@ from tex_lightning.inference.early_stopping import SEQUENTIAL
 from tex_lightning.learning.provenance import note_recordings
 from tex_lightning.report.table import model_label
 from tex_lightning.studies.description import show_opening
-from tex_lightning.studies.fold import finished_fold, open_training, run_fold
+from tex_lightning.studies.fold import finished_results, open_training, run_fold
 
 log = logging.getLogger(__name__)
 NETWORKS = "networks"
@@ -229,7 +229,7 @@ def _run_folds(
     """
     dataset, entries = None, []
     for fold, home in homes.items():
-        results = finished_fold(home)
+        results = finished_results(home, f"Fold {fold}")
         if results is None:
             if dataset is None:
                 dataset = open_training(config, home)

@@ -98,11 +98,11 @@ def _first_weights(model: ModelConfig, sense: str) -> str:
     return NO_WEIGHTS if fits and trunk_name(model, sense) in (sense, "None") else RANDOM
 
 
-def finished_fold(home: Path) -> dict[str, Any] | None:
-    """Return the results of a fold that an earlier run finished."""
+def finished_results(home: Path, what: str) -> dict[str, Any] | None:
+    """Return the results of a run or a fold, called ``what``, if it was finished earlier."""
     if not (home / "results.json").is_file():
         return None
-    log.info("Fold %s is done already.", home.name)
+    log.info("%s is finished already.", what)
     return read_record(home / "results.json")
 
 
@@ -206,9 +206,8 @@ def _test_network(
     further: Iterable[Artifact] = ()
     if samples:
         result, outcomes = report_network(
-            classifier, checkpoint, samples, store, directory, config, unknown,
-            dataset.condition_bins,
-        )  # fmt: skip
+            config, dataset, classifier, checkpoint, samples, unknown, directory
+        )
         if draw:
             further = draw_test(classifier, samples, outcomes, store, directory)
     else:

@@ -130,10 +130,11 @@ class SystemFold:
         """Return the class scores of a sample; None for an unusable one."""
         classifier, recordings, partials = self.classifier, {}, []
         for name, sense in classifier.senses.items():
-            row, known = sample.recordings[sense.modality], self._clean
-            if perturbation is not None and perturbation.modality == sense.modality:
-                known = self._perturbed
-            array = self._recording(row, perturbation, severity)
+            row, dataset = sample.recordings[sense.modality], self.datasets[sense.modality]
+            if perturbation is None or perturbation.modality != sense.modality:
+                known, array = self._clean, dataset.clean(row)
+            else:
+                known, array = self._perturbed, dataset.perturbed(row, perturbation, severity)
             recordings[sense.modality] = torch.from_numpy(np.array(array))
             if (name, row) not in known:
                 try:
@@ -143,15 +144,6 @@ class SystemFold:
                 known[name, row] = scores
             partials.append(known[name, row])
         return classifier.fuse(partials, classifier.seed(**recordings))
-
-    def _recording(
-        self, row: Recording, perturbation: Perturbation | None, severity: float
-    ) -> Array:
-        """Return a recording, perturbed if the perturbation is of its modality."""
-        dataset = self.datasets[row.modality]
-        if perturbation is None or perturbation.modality != row.modality:
-            return dataset.clean(row)
-        return dataset.perturbed(row, perturbation, severity)
 
 
 @dataclass

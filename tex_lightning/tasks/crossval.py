@@ -42,7 +42,7 @@ from tex_lightning.studies.evaluate_checkpoint import (
 )
 from tex_lightning.studies.fold import (
     chosen_folds,
-    finished_fold,
+    finished_results,
     fit_fold,
     open_and_show,
     run_fold,
@@ -62,7 +62,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     folds: dict[Path, dict[str, Any]] = {}
     for fold in track(chosen, "fold"):
         home = job.directory / "folds" / str(fold)
-        folds[home] = finished_fold(home) or run_fold(config.on_fold(fold), dataset, home)
+        folds[home] = finished_results(home, f"Fold {fold}") or run_fold(
+            config.on_fold(fold), dataset, home
+        )
     pooled: dict[str, Any] = {}
     for name in next(iter(folds.values()))["networks"] if is_rank_zero() else ():
         pooled[name] = _pool(config, dataset, job.directory, folds, name)

@@ -43,12 +43,12 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     known = "which its training left out" if data.withholds else "which its training has not seen"
     part = f"{tested_part(data)}, {known if choose else 'as asked for'}"
     show_opening(data, dataset, f"{part}, by {config.checkpoint}", keep_in=directory)
-    store, samples = dataset.store, make_samples(dataset.recordings, card.modalities)
+    samples = make_samples(dataset.recordings, card.modalities)
     unknown = make_samples(dataset.unknown, card.modalities)
     network, outcomes = report_network(
-        classifier, checkpoint, samples, store, directory, config, unknown, dataset.condition_bins
+        config, dataset, classifier, checkpoint, samples, unknown, directory
     )
-    further = draw_test(classifier, samples, outcomes, store, directory)
+    further = draw_test(classifier, samples, outcomes, dataset.store, directory)
     loggers, networks = open_loggers(config.logger, directory, card.kind), {card.kind: network}
     log_network(config, dataset, directory, loggers, networks, further=further)
     seconds = time.perf_counter() - begin

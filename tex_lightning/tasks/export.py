@@ -12,7 +12,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import say
-from tex_lightning.core.files import read_record, write_bytes, write_text
+from tex_lightning.core.files import read_or_empty, write_bytes, write_text
 from tex_lightning.data.store import cache_root
 from tex_lightning.errors import UserError
 from tex_lightning.export.metadata import metadata, model_card
@@ -38,25 +38,22 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     """Write ``checkpoint`` to ``export.out`` as ``export.format``, and what was measured."""
     checkpoint = expanded(str(config.checkpoint))
     out = job.directory if config.export.out is None else expanded(config.export.out)
-    return export_classifier(config, load_classifier(checkpoint), checkpoint, out)
+    return export_checkpoint(config, checkpoint, out)
 
 
-def export_classifier(
-    config: Config, classifier: SurfaceClassifier, checkpoint: Path, out: Path
-) -> dict[str, Any]:
-    """Write a classifier to a folder, and what was measured.
+def export_checkpoint(config: Config, checkpoint: Path, out: Path) -> dict[str, Any]:
+    """Write the classifier of a checkpoint to a folder, and what was measured.
 
     Args:
         config: Format and checks of the export, and the decision.
-        classifier: Loaded from ``checkpoint``.
-        checkpoint: The file, for messages and the model card.
+        checkpoint: The file.
         out: The folder.
 
     Raises:
         UserError: If it cannot be exported, the file gives other scores than the checkpoint, or
             a file that no export wrote would be written over.
     """
-    card = config.export.format == "card"
+    classifier, card = load_classifier(checkpoint), config.export.format == "card"
     if classifier.card.baseline and not card:
         raise UserError(
             f"Checkpoint {checkpoint} holds {classifier.card.title}, which computes outside of "
@@ -93,8 +90,7 @@ def _claimed(out: Path, names: Sequence[str]) -> dict[str, Any]:
     Raises:
         UserError: If one of them is there, and no export wrote it.
     """
-    record = out / RECORD
-    before: dict[str, Any] = read_record(record) if record.is_file() else {}
+    before = read_or_empty(out / RECORD)
     written = before.get("files", [])
     for name in names:
         if os.path.lexists(out / name) and name not in written:

@@ -61,7 +61,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     rows = _rows(systems, chosen)
     write_rows(directory / "frontier.csv", rows[0], (row.values() for row in rows))
     samples, chance = _tested(systems)
-    tested = f"{samples} of {config.data.name}, {_folds(folds)}"
+    part = f"fold {folds[0]}" if len(folds) == 1 else f"{len(folds)} folds"
+    tested = f"{samples} of {config.data.name}, {part}"
     save_figure(frontier_figure(rows, tested, chance), directory / "frontier")
     results = {
         "task": config.task,
@@ -90,10 +91,6 @@ def _tested(systems: Sequence[System]) -> tuple[str, float]:
     counts = sorted({len(system.outcomes) for system in systems})
     said = " to ".join(map(str, dict.fromkeys((counts[0], counts[-1]))))
     return f"{said} test samples", 1 / len(systems[0].outcomes[0].class_probabilities)
-
-
-def _folds(folds: Sequence[int]) -> str:
-    return f"fold {folds[0]}" if len(folds) == 1 else f"{len(folds)} folds"
 
 
 def _choose(systems: Sequence[System]) -> System:
