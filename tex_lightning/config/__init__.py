@@ -18,6 +18,7 @@ from typing import Annotated, Any
 
 import yaml
 from hydra.core.config_store import ConfigStore
+from hydra.core.plugins import Plugins
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config import tasks
@@ -37,7 +38,7 @@ from tex_lightning.config.tasks import (
     Task,
     TrainerConfig,
 )
-from tex_lightning.config.user_folders import CONF, register_folders
+from tex_lightning.config.user_folders import CONF, UserFolders
 from tex_lightning.core.run_folder import subject
 
 __all__ = [
@@ -155,7 +156,7 @@ def flatten(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 
 def register() -> None:
     """Make the schema known to Hydra, beside those of other applications in this process."""
-    register_folders()
+    Plugins.instance().register(UserFolders)  # a second time changes nothing
     OmegaConf.register_new_resolver("subject", subject, replace=True)
     store = ConfigStore.instance()
     if f"{SCHEMA}.yaml" in store.repo:

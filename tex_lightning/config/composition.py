@@ -14,7 +14,7 @@ from hydra._internal.callbacks import Callbacks
 from hydra._internal.utils import get_args_parser
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
-from hydra.core.utils import JobRuntime, run_job
+from hydra.core.utils import JobRuntime, JobStatus, run_job
 from hydra.types import HydraContext, RunMode
 from hydra.version import VersionBase
 from omegaconf import DictConfig, OmegaConf
@@ -60,14 +60,6 @@ def run_composed(function: Callable[[DictConfig], Any], overrides: Sequence[str]
         UserError: If the overrides ask for a sweep.
         Exception: Any exception of the function, or of Hydra for a wrong override.
     """
-    raised: list[Exception] = []
-
-    def guarded(composed: DictConfig) -> Any:  # noqa: ANN401
-        try:
-            return function(composed)
-        except Exception as error:  # Hydra would print a line of its own
-            raised.append(error)
-
     with _hydra():
         config = compose(NAME, overrides=as_composed(overrides), return_hydra_config=True)
         if config.hydra.mode == RunMode.MULTIRUN:
@@ -76,9 +68,9 @@ def run_composed(function: Callable[[DictConfig], Any], overrides: Sequence[str]
                 "once for each job."
             )
         context = HydraContext(GlobalHydra.instance().config_loader(), Callbacks(config))
-        finished = run_job(guarded, config, "hydra.run.dir", None, context, False)
-    if raised:
-        raise raised[0]
+        finished = run_job(function, config, "hydra.run.dir", None, context, False)
+    if finished.status == JobStatus.FAILED:
+        raise finished._return_value  # else Hydra prints a line of its own
     return finished.return_value
 
 

@@ -16,7 +16,6 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from hydra.core.config_search_path import ConfigSearchPath
-from hydra.core.plugins import Plugins
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 
 from tex_lightning.errors import UserError
@@ -38,11 +37,6 @@ class UserFolders(SearchPathPlugin):
         """Append one entry for each folder."""
         for folder in user_folders():
             search_path.append("tex_lightning.plugins", f"file://{folder}")
-
-
-def register_folders() -> None:
-    """Make Hydra ask for the folders whenever it composes; a second call changes nothing."""
-    Plugins.instance().register(UserFolders)
 
 
 def with_own_senses(overrides: Sequence[str]) -> list[str]:

@@ -21,6 +21,7 @@ from tex_lightning.config.tasks import TRAINING
 from tex_lightning.data.decode import (
     SLOW_RATE,
     SignalDecoder,
+    SourceSignal,
     check_decoding,
     keeping_traces,
     read_trace,
@@ -186,11 +187,16 @@ def _rate(row: Recording, data: DataConfig, channels: list[int | str] | None) ->
     """Return the rate of one trace in Hz; 0 if it cannot be read, which is reported later."""
     kept = None if channels is None else tuple(channels)
     decoder = SignalDecoder(PAPERS_RATE, data.file_rate or PAPERS_RATE, kept, data.time_unit)
+    trace = _readable(row, decoder)
+    return 0.0 if trace is None else round(trace.rate, 3)
+
+
+def _readable(row: Recording, decoder: SignalDecoder) -> SourceSignal | None:
+    """Read a trace; None of one that cannot be read, which is said later of all together."""
     try:
-        source = read_trace(row.path, decoder, row.sampling_rate).rate
+        return read_trace(row.path, decoder, row.sampling_rate)
     except UserError:
-        return 0.0
-    return round(source, 3)
+        return None
 
 
 def _level_overrides(
@@ -205,10 +211,6 @@ def _level_overrides(
             decoder = SignalDecoder(rate, rate, channels and tuple(channels), unit)
             if rows is None:
                 rows = read_recordings(data, model.modalities, least=1)
-            for row in rows.of(sense.modality):
-                try:
-                    trace = read_trace(row.path, decoder, row.sampling_rate).samples
-                except UserError:  # said later of all together, or left out by data.skip_bad
-                    continue
-                yield f"model.{name}.features.levels={len(trace)}"
-                break
+            traces = (_readable(row, decoder) for row in rows.of(sense.modality))
+            if (first := next(filter(None, traces), None)) is not None:
+                yield f"model.{name}.features.levels={len(first.samples)}"

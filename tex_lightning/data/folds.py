@@ -74,17 +74,13 @@ def check_conditions(recordings: Recordings, where: Mapping[str, Any]) -> None:
 
 
 def tested_part(by: Folding) -> str:
-    """Describe the tested part: some conditions, a fold, or all of the data."""
+    """Describe the tested part: conditions, such as ``speed 50 or 60``, a fold, or all data."""
     if by.test_where is not None:
-        return f"the part with {describe_conditions(by.test_where)}"
+        return "the part with " + " and ".join(
+            f"{name} {' or '.join(map(str, _values(wanted)))}"
+            for name, wanted in by.test_where.items()
+        )
     return "all of the data" if by.test_fold is None else f"fold {by.test_fold}"
-
-
-def describe_conditions(where: Mapping[str, Any]) -> str:
-    """Return conditions in words, as in ``speed 50 or 60 and light lamp``."""
-    return " and ".join(
-        f"{name} {' or '.join(map(str, _values(wanted)))}" for name, wanted in where.items()
-    )
 
 
 def as_override(where: Mapping[str, Any] | None) -> str:

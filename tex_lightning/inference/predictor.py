@@ -53,20 +53,15 @@ def load(path: str | Path, *overrides: str, trusted: Sequence[str] = ()) -> "Pre
     """
     if isinstance(trusted, str):  # else each of its letters would be trusted
         raise UserError(f"trusted is {shorten(repr(trusted))}; give a list, as in [{trusted!r}].")
-    config = _compose(path, overrides)
-    trust(*config.trusted, *trusted)
-    with own_defaults():  # which draws first weights
-        return Predictor(load_classifier(find_checkpoint(path)), config)
-
-
-def _compose(path: str | Path, overrides: tuple[str, ...]) -> Config:
-    """Compose the configuration as the command line does."""
     try:
         composed = compose_config([f"task={TASK}", *overrides])
     except MISTAKES as error:
         raise explain(error) from error
     composed.checkpoint = str(path)
-    return checked_config(composed)
+    config = checked_config(composed)
+    trust(*config.trusted, *trusted)
+    with own_defaults():  # which draws first weights
+        return Predictor(load_classifier(find_checkpoint(path)), config)
 
 
 class Predictor:

@@ -6,6 +6,7 @@ give one position each, with a higher learning rate for its head.
 
 import math
 from collections.abc import Iterable
+from functools import partial
 from typing import Any, Self
 
 import torch
@@ -91,11 +92,9 @@ class SurfaceModule(LightningModule):
     @property
     def change(self) -> Change | None:
         """The recipe's augmentation of photos, if there is one."""
-        return None if self.augmentation is None else self._augmented
-
-    def _augmented(self, patches: Tensor) -> Tensor:
-        """Apply the recipe's augmentation to photos (batch, 3, side, side) in [0, 1]."""
-        return augment(f"model.{self.kind}.fit.augmentation", self.augmentation, patches)
+        if self.augmentation is None:
+            return None
+        return partial(augment, f"model.{self.kind}.fit.augmentation", self.augmentation)
 
     @property
     def network(self) -> Any:  # noqa: ANN401

@@ -1,6 +1,7 @@
 """Write synthetic data sets to disk, in the layout of ``data=folder``."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -97,14 +98,10 @@ def _write_jpeg(path: Path, photo: NDArray[np.uint8]) -> None:
     path.write_bytes(encoded.tobytes())
 
 
-def _write_flac(path: Path, sound: NDArray[np.float32]) -> None:
-    soundfile.write(path, sound, SOUND_RATE, "PCM_16")
-
-
 _Take = Callable[[SyntheticConfig, Specimen, int, int], NDArray[Any]]
 _Save = Callable[[Path, NDArray[Any]], None]
 _FILES: dict[str, tuple[str, _Take, _Save]] = {
     "haptic": (".npy", record, np.save),
     "image": (".jpg", photograph, _write_jpeg),
-    "sound": (".flac", listen, _write_flac),
+    "sound": (".flac", listen, partial(soundfile.write, samplerate=SOUND_RATE, subtype="PCM_16")),
 }
