@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from sklearn.isotonic import isotonic_regression
 
-from tex_lightning.report.figures import make_grid, save_figure
+from tex_lightning.report.figures import save_figure
 from tex_lightning.report.style import COLOURS, GUIDE, styled
 
 OURS, BEST, PEER = COLOURS[4], "#222222", "#8a8a8a"
@@ -34,8 +35,12 @@ def draw(settings: Node, results: Sequence[Node], path: Path) -> None:
     panels = [pair for pair in zip(drawn, found_of, strict=True) if pair[1]]
     if not panels:
         return
-    figure, grid = make_grid(len(panels), COLUMNS, (2.9, 2.15))
-    for number, (axes, (panel, found)) in enumerate(zip(grid, panels, strict=True)):
+    columns, rows = min(len(panels), COLUMNS), -(-len(panels) // COLUMNS)
+    figure = Figure(figsize=(2.9 * columns, 2.15 * rows), layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
+    for axes in grid[len(panels) :]:
+        axes.set_axis_off()
+    for number, (axes, (panel, found)) in enumerate(zip(grid, panels, strict=False)):
         draw_panel(axes, found, settings["ours"])
         axes.set_title(panel["title"], loc="left", fontsize=7.5)
         if number % COLUMNS == 0:

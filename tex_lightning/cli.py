@@ -376,8 +376,8 @@ def set_devices(config: Config) -> int:
         )
 
     threads = config.trainer.threads
-    if threads is None and config.task == "stream":
-        threads = None if "OMP_NUM_THREADS" in os.environ else 1
+    if threads is None and config.task == "stream" and "OMP_NUM_THREADS" not in os.environ:
+        threads = 1
     if threads is not None:
         torch.set_num_threads(threads)
     use_tf32(config.trainer.tf32)

@@ -172,7 +172,7 @@ def test_fusion_keeps_the_statistics_of_batch_normalisation():
     assert norms
     assert not any(layer.training for layer in norms)
     assert any(layer.training for layer in model.modules() if isinstance(layer, nn.Dropout))
-    assert model.scores(batch_of_three(1)).shape == (1, 3, 1)
+    assert model(*model.inputs(batch_of_three(1))).shape == (1, 3, 1)
 
 
 def test_fusion_starts_from_checkpoints_of_three_senses(tmp_path):

@@ -16,7 +16,6 @@ from typing import (
     Any,
     ClassVar,
     Literal,
-    TypeGuard,
     TypeVar,
     dataclass_transform,
     get_args,
@@ -125,11 +124,6 @@ def section(cls: type[T]) -> type[T]:
 def without_extras(hint: Any) -> Any:  # noqa: ANN401
     """Return the type of an annotation."""
     return get_args(hint)[0] if get_origin(hint) is Annotated else hint
-
-
-def is_section(kind: object) -> TypeGuard[type[Any]]:
-    """Return whether the type of a field is a section, with fields of its own."""
-    return isinstance(kind, type) and is_dataclass(kind)
 
 
 def hints_of(section: type[Any]) -> dict[str, Any]:

@@ -5,10 +5,11 @@ says it (:mod:`.static_signatures`); other classes are checked when they are bui
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import is_dataclass
 from inspect import Signature
 from typing import Any
 
-from tex_lightning.config.keys import Key, hints_of, is_section, without_extras
+from tex_lightning.config.keys import Key, hints_of, without_extras
 from tex_lightning.config.signatures import HYDRAS, TARGET, converted, misfits, strangers
 from tex_lightning.config.static_signatures import read_signature
 
@@ -92,7 +93,7 @@ def walk(section: type[Any], values: Node, prefix: str = "") -> Iterator[tuple[s
         yield from _keys_of(read_signature(node[TARGET]), node, f"{prefix}{name}.")
     for name, hint in hints.items():
         kind = without_extras(hint)
-        if is_section(kind):
+        if isinstance(kind, type) and is_dataclass(kind):
             yield from walk(kind, values.get(name) or {}, f"{prefix}{name}.")
 
 

@@ -71,11 +71,6 @@ class Metric:
         return self.form(value) if callable(self.form) else format(value, self.form)
 
 
-def interval_text(interval: Sequence[float]) -> str:
-    """Return an interval of a share as text."""
-    return "{:.1%} to {:.1%}".format(*interval)
-
-
 def counts_text(entry: Mapping[str, Any]) -> str:
     """Return the counts of an entry as text; empty where nothing was tested."""
     return f"{entry['correct']}/{entry['test_samples']}" if "correct" in entry else ""
@@ -99,8 +94,8 @@ METRICS = {
                places=("summary", "sweep", "folds", "frontier")),
         Metric("counts", "", "correct", form=counts_text, group="votes", logged=None,
                places=("summary",)),
-        Metric("vote_ci95", "vote_ci95", "95 % interval", form=interval_text, group="votes",
-               logged=None, places=("summary",)),
+        Metric("vote_ci95", "vote_ci95", "95 % interval", group="votes", logged=None,
+               form=lambda ends: "{:.1%} to {:.1%}".format(*ends), places=("summary",)),
         Metric("ci_low", "vote_ci95.0", "at least", group="votes", logged="vote_ci95_low",
                places=("sweep", "frontier")),
         Metric("ci_high", "vote_ci95.1", "at most", group="votes", logged="vote_ci95_high",

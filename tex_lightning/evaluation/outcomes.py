@@ -268,6 +268,7 @@ def run_test(
     for sample in track(samples, "testing sample"):
         vote, latency = classify_sample(classifier, sample, store)
         truth = index.get(sample.label, NOT_TRAINED)
+        counts = vote.fragments.bincount(minlength=len(classes)).tolist()
         outcomes.append(
             Outcome(
                 files={name: row.source for name, row in sample.recordings.items()},
@@ -277,7 +278,7 @@ def run_test(
                 fragments=len(vote.fragments),
                 correct_fragments=int((vote.fragments == truth).sum()),
                 latency_ms=latency,
-                votes=_votes(vote, classes),
+                votes=to_json({name: n for name, n in zip(classes, counts, strict=True) if n}),
                 relative_macs=vote.relative_macs,
                 probabilities=to_json(dict(zip(classes, vote.probabilities.tolist(), strict=True))),
                 novelty=math.nan if vote.novelty is None else vote.novelty,
@@ -286,8 +287,3 @@ def run_test(
             )
         )
     return outcomes
-
-
-def _votes(vote: Vote, classes: list[str]) -> str:
-    counts = vote.fragments.bincount(minlength=len(classes)).tolist()
-    return to_json({name: n for name, n in zip(classes, counts, strict=True) if n})

@@ -135,11 +135,6 @@ class SurfaceModule(LightningModule):
         slow = set(backbone)
         return backbone, [weight for weight in self.network.parameters() if weight not in slow]
 
-    def scores(self, batch: Batch) -> Tensor:
-        """Return class scores (batch, classes, fragments or tuples) of a training batch."""
-        scores: Tensor = self(*self.inputs(batch))
-        return scores
-
     def forward(self, *inputs: Tensor) -> Tensor:
         """Return class scores (batch, classes, fragments or tuples) of an input of each sense."""
         senses = self.classifier.senses.values()
@@ -180,7 +175,7 @@ class SurfaceModule(LightningModule):
 
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
         """Return the cross entropy of all fragments against the label of their sample."""
-        logits = self.scores(batch)
+        logits: Tensor = self(*self.inputs(batch))
         labels = batch["label"][:, None].expand(-1, logits.shape[2])
         loss = mean_loss(logits, labels, self.fit_config["label_smoothing"])
         every = self.trainer.log_every_n_steps  # type: ignore[attr-defined]  # set by a connector

@@ -80,7 +80,13 @@ class Perturbation:
         """
         if severity == 0:
             return recording
-        changed = _changed(self, recording, self.value(severity), scene)
+        function, value = _function(self), self.value(severity)
+        if self.is_users:
+            key = f"{self.name} of {self.modality} in stability.severities"
+            part = key, "perturbation", function
+            changed = perturb(part, function, recording, value, scene)
+        else:
+            changed = np.asarray(function(recording, value, scene))
         if recording.dtype != np.uint8:
             return np.ascontiguousarray(changed, dtype=np.float32)
         if changed.dtype != np.uint8:
@@ -137,15 +143,6 @@ def _check(kind: Perturbation) -> None:
     if len(kind.levels) != 6 or not all(abs(level) < MAX_LEVEL for level in kind.levels):
         raise ValueError(f"{kind.name} has no six levels, each below {MAX_LEVEL:g}")
     _function(kind)
-
-
-def _changed(kind: Perturbation, recording: Array, value: float, scene: Scene) -> Array:
-    """Return what its function makes of a recording, of any type of numbers."""
-    function = _function(kind)
-    if not kind.is_users:
-        return np.asarray(function(recording, value, scene))
-    part = f"{kind.name} of {kind.modality} in stability.severities", "perturbation", function
-    return perturb(part, function, recording, value, scene)
 
 
 def perturb(part: Part, function: Function, recording: Array, value: float, scene: Scene) -> Array:

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.axes import Axes
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, PercentFormatter
@@ -39,19 +38,6 @@ def save_figure(figure: Figure, path: Path) -> Path:
     write_atomically(file, lambda partial: figure.savefig(partial, format="png"))
     figure.set_layout_engine("none")
     return file
-
-
-def make_grid(
-    count: int, most: int, size: tuple[float, float], *, sharey: bool = False
-) -> tuple[Figure, list[Axes]]:
-    """Return a figure of ``count`` charts of a ``size`` in inches, at ``most`` so many in a row."""
-    columns = min(count, most)
-    rows = -(-count // columns)
-    figure = Figure(figsize=(size[0] * columns, size[1] * rows), layout="constrained")
-    grid = list(figure.subplots(rows, columns, squeeze=False, sharey=sharey).ravel())
-    for axes in grid[count:]:
-        axes.set_axis_off()
-    return figure, grid[:count]
 
 
 @styled

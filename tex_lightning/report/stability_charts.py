@@ -40,7 +40,9 @@ def failure_table(results: Mapping[str, Any]) -> Table:
             "perturbation": entry["perturbation"].replace("_", " "),
             "of": entry["modality"] if several else "",
             "system": names[entry["system"]],
-            "breaking point": _breaking(entry),
+            "breaking point": "-"
+            if entry["breaking_value"] is None
+            else f"{_number(entry['breaking_value'])} {entry['unit']}",
             "lower from": _found(entry["lower_from"], entry["unit"]),
             "broken from": _found(entry["broken_from"], entry["unit"]),
             "unperturbed": _counts(entry["clean"]),
@@ -67,11 +69,6 @@ def _found(trial: Mapping[str, Any] | None, unit: str) -> str:
 def _number(value: float) -> str:
     """Return a value with three digits and without an exponent."""
     return f"{float(f'{value:.3g}'):g}"
-
-
-def _breaking(entry: Mapping[str, Any]) -> str:
-    value = entry["breaking_value"]
-    return "-" if value is None else f"{_number(value)} {entry['unit']}"
 
 
 def print_stability(results: dict[str, Any], directory: Path) -> None:

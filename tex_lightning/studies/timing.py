@@ -61,7 +61,11 @@ def interleaved(
             break
         for name, function in functions.items():
             spent[name] += _turn(function, slice_s)
-    return {name: _summary(times) for name, times in spent.items()}
+    calls = {name: 1000 * np.array(seconds) for name, seconds in spent.items()}
+    return {
+        name: Timing(float(np.median(ms)), float(np.percentile(ms, 95)), tuple(ms.tolist()))
+        for name, ms in calls.items()
+    }
 
 
 def waiting(function: Callable[[], object], device: torch.device) -> Callable[[], object]:
@@ -84,9 +88,3 @@ def _turn(function: Callable[[], object], slice_s: float) -> list[float]:
         function()
         times.append(time.perf_counter() - begin)
     return times
-
-
-def _summary(seconds: list[float]) -> Timing:
-    calls = np.array(seconds) * 1000
-    median, p95 = np.percentile(calls, (50, 95))
-    return Timing(float(median), float(p95), tuple(calls.tolist()))

@@ -60,8 +60,7 @@ def _for_one(config: Config) -> Config:
 
     Its label takes less time there than a GPU takes to start.
     """
-    files = [value for value in config.files.values() if value is not None]
-    single = all(is_file(expanded(str(value))) for value in files)
+    single = all(is_file(expanded(str(value))) for value in config.files.values())
     if config.trainer.accelerator != "auto" or not single:
         return config
     return replace(config, trainer=replace(config.trainer, accelerator="cpu"))

@@ -338,7 +338,8 @@ def _sessions_as_classes(root: Path, rows: Sequence[Recording]) -> list[str]:
     heads, tail = next(iter(shared), ((), ""))
     fewest = min(map(len, files.values()), default=0)
     several = len(heads) <= fewest / (1 if _are_numbered(names) else 2) and not _are(heads, SPLITS)
-    if len(names) > 1 == len(shared) < len(heads) and several and all(map(_is_word, heads)):
+    words = all(re.fullmatch(r"[^\W\d_].*", head) for head in heads)
+    if len(names) > 1 == len(shared) < len(heads) and several and words:
         pattern = f"{{group}}/{inside}{{label}}{tail}{'*' if tail else '{take}'}{path.suffix}"
         return [f"{listed(names)} are read as the classes; {by_pattern(root, (heads, pattern))}."]
     return []
@@ -357,7 +358,3 @@ def _without_numbers(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
     tail = next((end for end in ends if all(stem.removesuffix(end) for stem in stems)
                  and all(stem.endswith(end) for stem in stems)), "")  # fmt: skip
     return tuple(stem.removesuffix(tail) for stem in stems), tail
-
-
-def _is_word(name: str) -> bool:
-    return re.fullmatch(r"[^\W\d_].*", name) is not None
