@@ -9,7 +9,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.special import softmax
 
 import tex_lightning as tl
-from tex_lightning.classifier.vote import max_vote, mean_vote, random_tuples, score_vote
+from tex_lightning.classifier.vote import RULES, random_tuples
 from tex_lightning.errors import UserError
 from tex_lightning.inference.prediction import make_prediction
 from tex_lightning.networks.choice import fit_temperature
@@ -20,6 +20,7 @@ LOGITS = arrays(
     st.tuples(st.integers(2, 6), st.integers(1, 30)),
     elements=st.integers(-4, 4).map(float),
 )
+max_vote, mean_vote, score_vote = RULES["vote"], RULES["mean"], RULES["score"]
 
 
 @pytest.mark.parametrize("rule", [max_vote, mean_vote, score_vote])

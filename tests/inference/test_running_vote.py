@@ -211,8 +211,7 @@ def test_resampled_pieces_are_those_of_the_whole(rate):
 def test_a_tally_votes_as_its_fragments_do(rule):
     scores = torch.randn(4, 30, generator=torch.Generator().manual_seed(0))
     whole = RULES[rule](scores, 2.0)
-    parts = scores.split(7, dim=1)
-    tally = reduce(Tally.plus, parts, Tally(4, 2.0))
+    tally = reduce(Tally.__add__, (Tally.of(part, 2.0) for part in scores.split(7, dim=1)))
     found = RULES[rule].of_tally(tally)
     assert (found.label, found.by_mean) == (whole.label, whole.by_mean)
     assert found.fragments.bincount(minlength=4).equal(whole.fragments.bincount(minlength=4))

@@ -48,10 +48,6 @@ class Vote:
         """Probability of the predicted class."""
         return float(self.probabilities[self.label])
 
-    def deciding_by_mean(self) -> "Vote":
-        """Return the vote of the same fragments by the largest probability."""
-        return replace(self, label=int(self.probabilities.argmax()), by_mean=True)
-
     def with_novelty(self, novelty: Tensor) -> "Vote":
         """Return the vote with a novelty ()."""
         return replace(self, novelty=float(novelty))
@@ -66,115 +62,75 @@ class Vote:
         )
 
 
+@dataclass(frozen=True)
 class Tally:
-    """Sums over fragments that give their vote, so that fragments need not be kept.
-
-    Args:
-        classes: Number of classes.
-        temperature: Logits are divided by it before they become probabilities.
+    """Sums over fragments, by which every rule decides, so that fragments need not be kept.
 
     Attributes:
         votes: (classes,) int64, number of fragments whose most probable class it is.
         sums: (classes,) float64, sums of probabilities.
         scores: (classes,) float64, sums of logits.
+        temperature: Logits are divided by it before they become probabilities.
     """
 
-    def __init__(self, classes: int, temperature: float) -> None:
-        self.temperature = temperature
-        self.votes = torch.zeros(classes, dtype=torch.int64)
-        self.sums, self.scores = torch.zeros(2, classes, dtype=torch.float64)
+    votes: Tensor
+    sums: Tensor
+    scores: Tensor
+    temperature: float
 
     @classmethod
     def of(cls, logits: Tensor, temperature: float) -> "Tally":
-        """Return the tally of fragments (classes, fragments).
+        """Return the tally of fragments (classes, fragments) on any device.
 
         Raises:
             UserError: If a score is NaN or infinite, which would win or lose every vote.
         """
-        logits, tally = logits.detach().cpu(), cls(len(logits), temperature)
-        tally.sums = probabilities(logits, temperature)
-        tally.votes = torch.bincount(logits.argmax(dim=0), minlength=len(logits))
-        tally.scores = logits.double().sum(dim=1)
-        return tally
+        logits = logits.detach().cpu()
+        if not bool(logits.isfinite().all()):
+            raise UserError(
+                "The class scores of this sample are NaN or infinite, so there is no decision; "
+                "leave it out, or correct the network or baseline that gives them."
+            )
+        votes, wide = logits.argmax(dim=0).bincount(minlength=len(logits)), logits.double()
+        sums = (wide / temperature).softmax(dim=0).sum(dim=1)
+        return cls(votes, sums, wide.sum(dim=1), temperature)
 
-    def plus(self, logits: Tensor) -> "Tally":
-        """Return the tally with further fragments (classes, fragments), see :meth:`of`."""
-        return self.joined(Tally.of(logits, self.temperature))
-
-    def joined(self, other: "Tally") -> "Tally":
+    def __add__(self, other: "Tally") -> "Tally":
         """Return the tally of the fragments of both."""
-        total = Tally(len(self.votes), self.temperature)
-        total.sums, total.votes = self.sums + other.sums, self.votes + other.votes
-        total.scores = self.scores + other.scores
-        return total
-
-    def vote(self, fragments: Tensor | None = None) -> Vote:
-        """Return the :func:`max_vote`; without ``fragments`` its fragments are sorted by class."""
-        count, every = int(self.votes.sum()), np.arange(len(self.votes))
-        label = int(np.lexsort((-every, self.sums, self.votes))[-1])
-        if fragments is None:
-            fragments = torch.repeat_interleave(self.votes)
-        return Vote(label, self.votes / count, fragments, self.sums / count)
-
-    def score_vote(self) -> Vote:
-        """Return the :func:`score_vote`."""
-        return by_score(self.vote(), self.scores / self.votes.sum() / self.temperature)
+        sums = self.sums + other.sums, self.scores + other.scores
+        return Tally(self.votes + other.votes, *sums, self.temperature)
 
 
-def max_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
+def max_vote(tally: Tally) -> Vote:
     """Count a vote of every fragment for its most probable class; most votes win.
 
     Ties are broken by the larger mean probability over all fragments, then by the lower class
-    index. The order of the fragments never matters beyond rounding of that mean.
-
-    Args:
-        logits: (classes, fragments) on any device, at least one fragment.
-        temperature: The logits are divided by it before they become probabilities.
-
-    Raises:
-        UserError: If a score is NaN or infinite, which would win or lose every vote.
+    index. The order of the fragments never matters beyond rounding of that mean. The fragments of
+    the vote are sorted by class.
     """
-    logits = logits.detach().cpu()
-    if logits.shape[1] == 0:
-        raise ValueError("a vote needs at least one fragment")
-    return Tally.of(logits, temperature).vote(logits.argmax(dim=0))
+    count, every = int(tally.votes.sum()), np.arange(len(tally.votes))
+    label = int(np.lexsort((-every, tally.sums, tally.votes))[-1])
+    fragments = torch.repeat_interleave(tally.votes)
+    return Vote(label, tally.votes / count, fragments, tally.sums / count)
 
 
-def mean_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
+def mean_vote(tally: Tally) -> Vote:
     """Choose the class with the largest mean probability; otherwise as :func:`max_vote`.
 
     A fragment counts the more, the more confident it is.
     """
-    return max_vote(logits, temperature).deciding_by_mean()
+    vote = max_vote(tally)
+    return replace(vote, label=int(vote.probabilities.argmax()), by_mean=True)
 
 
-def score_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
+def score_vote(tally: Tally) -> Vote:
     """Choose the class with the largest mean score, the product rule of Kittler et al. (1998).
 
     The probabilities are those of the mean score.
     """
-    logits = logits.cpu()
-    vote, mean = max_vote(logits, temperature), logits.double().mean(dim=1)
-    return by_score(vote, mean / temperature)
-
-
-def by_score(vote: Vote, score: Tensor) -> Vote:
-    """Decide by the mean score (classes,) of the fragments, divided by the temperature."""
-    return replace(vote, probabilities=score.softmax(dim=0)).deciding_by_mean()
-
-
-def probabilities(logits: Tensor, temperature: float = 1.0) -> Tensor:
-    """Return the sums (classes,), in float64 on the CPU, of all fragments' class probabilities.
-
-    Raises:
-        UserError: If a score is NaN or infinite, which would win or lose every vote.
-    """
-    if not bool(logits.isfinite().all()):
-        raise UserError(
-            "The class scores of this sample are NaN or infinite, so there is no decision; leave "
-            "it out, or correct the network or baseline that gives them."
-        )
-    return (logits.cpu().double() / temperature).softmax(dim=0).sum(dim=1)
+    probabilities = (tally.scores / tally.votes.sum() / tally.temperature).softmax(dim=0)
+    label = int(probabilities.argmax())
+    return replace(max_vote(tally), label=label, probabilities=probabilities, by_mean=True)
 
 
 def random_tuples(positions: Sequence[int], count: int, seed: int) -> Tensor:
@@ -200,22 +156,32 @@ class Rule:
     """A decision rule: from the class scores of fragments to a vote.
 
     Attributes:
-        decide: Makes a vote of logits (classes, fragments) and a temperature.
-        of_tally: Makes the same vote of fragments that were added up.
+        of_tally: Makes a vote of fragments that were added up.
         by_mean_score: Whether the mean score decides. Recordings are then always computed whole.
     """
 
-    decide: Callable[[Tensor, float], Vote]
     of_tally: Callable[[Tally], Vote]
     by_mean_score: bool = False
 
     def __call__(self, logits: Tensor, temperature: float = 1.0) -> Vote:
-        """Decide; the arguments are those of :func:`max_vote`."""
-        return self.decide(logits, temperature)
+        """Decide by fragments, whose order the vote keeps.
+
+        Args:
+            logits: (classes, fragments) on any device, at least one fragment.
+            temperature: The logits are divided by it before they become probabilities.
+
+        Raises:
+            UserError: If a score is NaN or infinite, which would win or lose every vote.
+        """
+        logits = logits.detach().cpu()
+        if logits.shape[1] == 0:
+            raise ValueError("a vote needs at least one fragment")
+        vote = self.of_tally(Tally.of(logits, temperature))
+        return replace(vote, fragments=logits.argmax(dim=0))
 
 
 RULES = {
-    "vote": Rule(max_vote, Tally.vote),
-    "mean": Rule(mean_vote, lambda tally: tally.vote().deciding_by_mean()),
-    "score": Rule(score_vote, Tally.score_vote, by_mean_score=True),
+    "vote": Rule(max_vote),
+    "mean": Rule(mean_vote),
+    "score": Rule(score_vote, by_mean_score=True),
 }

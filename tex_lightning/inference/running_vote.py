@@ -10,7 +10,7 @@ are subtracted again.
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
@@ -21,33 +21,32 @@ from tex_lightning.classifier.vote import RULES, Tally, Vote
 from tex_lightning.core.devices import computing_threads, full_precision
 from tex_lightning.inference.live_rests import LiveRests, MarkedSignal
 from tex_lightning.networks.linear import LinearNet
-from tex_lightning.senses.features.movement import (
-    movement_start,
-)
+from tex_lightning.senses.features.movement import movement_start
 
 EXACT_SECONDS, EXACT_SAMPLES = 3, 1000  # whichever is longer
 PER_OCTAVE = 4  # of power, in which fragments are told apart that may turn out to be rests
 
 
-@dataclass
+@dataclass(frozen=True)
 class Sums:
     """Sums over fragments.
 
     Attributes:
         tally: Sums of their votes, probabilities and scores.
         total: (D,) float64, sum of their embeddings.
-        count: Number of fragments.
     """
 
     tally: Tally
-    total: Tensor | float = 0.0
-    count: int = 0
+    total: Tensor | float
 
-    def joined(self, other: "Sums") -> "Sums":
+    def __add__(self, other: "Sums") -> "Sums":
         """Return the sums of both."""
-        return Sums(
-            self.tally.joined(other.tally), self.total + other.total, self.count + other.count
-        )
+        return Sums(self.tally + other.tally, self.total + other.total)
+
+    @property
+    def count(self) -> int:
+        """Number of fragments."""
+        return int(self.tally.votes.sum())
 
 
 class RunningVote(ABC):
@@ -74,6 +73,8 @@ class RunningVote(ABC):
         self.by_mean = linear and RULES[self.card.rule].by_mean_score  # one score decides
         self.count = 0  # of fragments that were added up
         self.sums: dict[float, Sums] = {}  # by quarter octaves of power, where rests are left out
+        nothing = torch.zeros(len(self.card.classes), 0)
+        self.blank = Sums(Tally.of(nothing, self.card.temperature), 0.0)
 
     def push(self, new: Tensor, ahead: Tensor) -> Vote:
         """Return the vote over the signal so far.
@@ -110,44 +111,37 @@ class RunningVote(ABC):
     def _add(self, embedding: Tensor, key: float = math.inf) -> None:
         """Add fragments (D, positions) to the sums of their power, by which rests are told."""
         sums, _ = self._sums_of(embedding, self._added())
-        self.sums[key] = self.sums[key].joined(sums) if key in self.sums else sums
+        self.sums[key] = self.sums[key] + sums if key in self.sums else sums
         self.count += sums.count
 
     def _added(self) -> Sums:
         """Return the sums of all fragments that are no rests by the present limit of power."""
-        sums = self._blank()
-        for key, some in self.sums.items():
-            sums = sums if self._is_rest(key) else sums.joined(some)
-        return sums
+        moving = (sums for key, sums in self.sums.items() if not self._is_rest(key))
+        return sum(moving, start=self.blank)
 
     def _is_rest(self, key: float) -> bool:
         """Return whether fragments of some power in quarter octaves are a rest by now."""
         limit, *_ = self.rests.limits
         return limit > 0 and key + 1 <= PER_OCTAVE * math.log2(limit)
 
-    def _blank(self) -> Sums:
-        return Sums(Tally(len(self.card.classes), self.card.temperature))
-
     def _sums_of(self, embedding: Tensor, before: Sums) -> tuple[Sums, Tensor]:
         """Return the sums of further fragments (D, positions), and the mean (D,) of all."""
-        sums = self._blank()
-        sums.total, sums.count = embedding.cpu().double().sum(dim=1), embedding.shape[1]
-        count = before.count + sums.count
-        mean = ((before.total + sums.total) / count).to(embedding)
-        sums.tally = sums.tally.plus(self._scores(embedding, (mean, count)))
-        return sums, mean
+        total = embedding.cpu().double().sum(dim=1)
+        count = before.count + embedding.shape[1]
+        mean = ((before.total + total) / count).to(embedding)
+        scores = self._scores(embedding, (mean, count))
+        return Sums(Tally.of(scores, self.card.temperature), total), mean
 
     def _vote(self, embedding: Tensor) -> Vote:
         """Vote by all added fragments and further ones (D, positions), without adding these."""
         before = self._added()
         sums, mean = self._sums_of(embedding, before)
-        every = before.joined(sums)
+        tally = (before + sums).tally
         if self.by_mean:  # with what is in range by now
-            every.tally.scores = every.count / sums.count * sums.tally.scores
-        known, vote = (
-            self.classifier.statistics_of(self.name),
-            RULES[self.card.rule].of_tally(every.tally),
-        )
+            share = int(tally.votes.sum()) / sums.count
+            tally = replace(tally, scores=share * sums.tally.scores)
+        known = self.classifier.statistics_of(self.name)
+        vote = RULES[self.card.rule].of_tally(tally)
         return vote if known is None else vote.with_novelty(known.novelty(mean))
 
     def _scores(self, embedding: Tensor, whole: tuple[Tensor, int]) -> Tensor:
