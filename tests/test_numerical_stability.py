@@ -7,7 +7,7 @@ from conftest import make_card, trunk_node
 from torch import nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.classifier.vote import max_vote
+from tex_lightning.classifier.vote import RULES
 from tex_lightning.config import EngineConfig
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
@@ -63,7 +63,7 @@ def test_random_pairs_estimate_the_vote_of_all_pairs(seed):
     halves = [model.partial_logits("haptic", noise()), model.partial_logits("visual", photo())]
     every = (halves[0][:, :, None] + halves[1][:, None, :]).flatten(1)
     exact = torch.bincount(every.argmax(dim=0), minlength=4) / every.shape[1]
-    share = max_vote(model.fuse(halves, seed)).shares
+    share = RULES["vote"](model.fuse(halves, seed)).shares
     spread = (exact * (1 - exact) / count).sqrt()
     assert ((share - exact).abs() <= 4.5 * spread + 1e-6).all()
 
@@ -97,7 +97,7 @@ def test_input_at_the_edge_ends_in_a_label(edge, normalisation):
     model = classifier("haptic", normalisation)
     scores = model.logits(haptic=torch.from_numpy(EDGES[edge].astype(np.float32))[None])
     assert scores.isfinite().all()
-    assert max_vote(scores).shares.sum() == pytest.approx(1)
+    assert RULES["vote"](scores).shares.sum() == pytest.approx(1)
 
 
 @pytest.mark.parametrize("normalisation", ["standard", "paper"])

@@ -55,7 +55,7 @@ DECIDED = Counter({
 })  # fmt: skip
 FIGURES = 20  # that Lightning waits for in an epoch, to log them and to choose the best
 FOLDED = ("devices.with_float64",)  # on the CPU, if the device has no float64
-VOTED = Counter({("from", "vote.max_vote"): 1, ("wait", "vote.Vote.with_novelty"): 1})
+VOTED = Counter({("from", "vote.Rule.__call__"): 1, ("wait", "vote.Vote.with_novelty"): 1})
 WEIGHTED = Counter({("wait", "statistics.FeatureStatistics.has_reach"): 2})
 PIECES = {"haptic": 3, "visual": 3, "fusion": 5}  # tensors of a batch, with the label
 

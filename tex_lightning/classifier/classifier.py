@@ -31,12 +31,7 @@ from tex_lightning.core.files import write_atomically
 from tex_lightning.data.recordings import Recording
 from tex_lightning.errors import UserError
 from tex_lightning.networks.archives import SizeLimit, check_numbers
-from tex_lightning.networks.blocks import (
-    Head,
-    Level,
-    score_layer_of,
-    shared_copy,
-)
+from tex_lightning.networks.blocks import Head, Level, score_layer_of, shared_copy
 from tex_lightning.networks.fusionnet import FusionLayer, bounded, scored_by
 from tex_lightning.networks.line import LineOrPlanes
 from tex_lightning.senses.base import Sense, content

@@ -72,7 +72,9 @@ def check_parts(
     classifier.train()
     inputs = sense.training_input(batch[sense.name], piece, change)
     check_numbers(inputs, features)
-    _check_trunk(sense, inputs)
+    trunk = getattr(network, "trunk", None)
+    if isinstance(trunk, Trunk) and not is_builtin(trunk):
+        check_trunk((f"model.{sense.name}.trunk", "trunk", trunk), trunk, inputs)
     scores = sense.score(inputs, "fc3").flatten(2)
     check_scores(scores[0], scored, len(card.classes))
     if fit["epochs"]:  # else what has only buffers is fitted in closed form
@@ -161,13 +163,6 @@ def check_gradient(scores: Tensor, sense: Sense, part: Part) -> None:
     gradients = [weight.grad for weight in sense.network.parameters() if weight.grad is not None]
     if not all(bool(weight.isfinite().all()) for weight in gradients):
         raise breach(*part, "gave scores with a gradient that is NaN or infinite")
-
-
-def _check_trunk(sense: Sense, inputs: Tensor) -> None:
-    """Reject a user's trunk whose features are not the map that it declares."""
-    trunk = getattr(sense.network, "trunk", None)
-    if isinstance(trunk, Trunk) and not is_builtin(trunk):
-        check_trunk((f"model.{sense.name}.trunk", "trunk", trunk), trunk, inputs)
 
 
 def check_trunk(part: Part, trunk: Trunk, images: Tensor) -> None:

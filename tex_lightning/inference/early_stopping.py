@@ -15,7 +15,6 @@ A single photo, and a trace that is decided by its mean score, are always classi
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
-from math import inf
 from typing import Any
 
 import torch
@@ -120,11 +119,6 @@ def is_local(sense: Sense) -> bool:
     return local and sense.geometry is not None
 
 
-def is_confident(probability: float, threshold: float) -> bool:
-    """Return whether a probability reaches the threshold; a threshold of 1 is never reached."""
-    return probability >= (threshold if threshold < 1 else inf)
-
-
 class SequentialDecision:
     """A decider that stops as soon as it is confident; see the module.
 
@@ -135,7 +129,7 @@ class SequentialDecision:
 
     Attributes:
         card: Card of the classifier.
-        threshold: Mean probability at which the decision stops.
+        threshold: Mean probability at which the decision stops; 1 is never reached.
     """
 
     def __init__(self, full: SurfaceClassifier, config: DecisionConfig, costs: Costs) -> None:
@@ -211,7 +205,8 @@ class SequentialDecision:
             self.novelty_limits[names] = self.card.of(names).unknown_above
         limit = self.novelty_limits[names]
         novel = limit is not None and vote.novelty is not None and vote.novelty > limit
-        return is_confident(vote.probability, self.threshold) and not novel
+        confident = vote.probability >= self.threshold and self.threshold < 1
+        return confident and not novel
 
     def _cost(self, sense: Sense, recording: Tensor) -> int:
         """Return the multiply-accumulates of one sense for a recording.

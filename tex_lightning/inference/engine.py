@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from itertools import product
-from typing import NamedTuple, Self
+from typing import Self
 
 import torch
 from torch import Tensor, nn
@@ -32,13 +32,6 @@ TOLERANCE, TINY = 1e-3, 1e-6  # of the largest output, and besides
 ROUNDINGS = 8  # the same, in roundings of weights in half precision
 
 log = logging.getLogger(__name__)
-
-
-class Probe(NamedTuple):
-    """Input of a network, and its outputs at some levels."""
-
-    x: Tensor
-    scores: list[Tensor]
 
 
 def accelerate(
@@ -138,15 +131,14 @@ def rewritten(
     if is_builtin(network):
         ways[0](network)
         return network
-    expected = _probe(sense, levels)
-    if expected is None:
+    if (probe := _probe(sense, levels)) is None:
         return network
     for rewrite in ways:
         copied = independent_copy(network)
         if not rewrite(copied):  # as it was
             return network
         sense.network = copied
-        if _agrees(sense, levels, expected):
+        if _agrees(sense, levels, *probe):
             return copied
         sense.network = network
     log_once(
@@ -159,13 +151,13 @@ def rewritten(
     return network
 
 
-def _probe(sense: Sense, levels: Collection[Level]) -> Probe | None:
-    """Run a network on noise of sufficient size; None if its scores of all are not finite."""
+def _probe(sense: Sense, levels: Collection[Level]) -> tuple[Tensor, list[Tensor]] | None:
+    """Return noise of sufficient size as network input, and the outputs; None if not finite."""
     for recording in _noise(sense):
         with suppress(Exception):  # which is raised again where the network is used
             x = sense.dense_input(recording)
-            probe = Probe(x, _scores(sense, x, levels))
-            return probe if all(bool(scores.isfinite().all()) for scores in probe.scores) else None
+            scores = _scores(sense, x, levels)
+            return (x, scores) if all(bool(each.isfinite().all()) for each in scores) else None
     return None
 
 
@@ -189,19 +181,19 @@ def _scores(sense: Sense, x: Tensor, levels: Collection[Level]) -> list[Tensor]:
         return [sense.score(x.clone(), level).float() for level in sorted(levels)]
 
 
-def _agrees(sense: Sense, levels: Collection[Level], expected: Probe) -> bool:
+def _agrees(sense: Sense, levels: Collection[Level], x: Tensor, expected: Sequence[Tensor]) -> bool:
     """Return whether the outputs of a network are the expected ones but for rounding."""
-    weights = next(sense.network.parameters(), expected.x)
+    weights = next(sense.network.parameters(), x)
     share = max(TOLERANCE, ROUNDINGS * torch.finfo(weights.dtype).eps)
     try:
-        outputs = _scores(sense, expected.x, levels)
+        outputs = _scores(sense, x, levels)
     except Exception as error:  # of a user's class that depends on the layout of its layers
         log.debug("%s: %s", type(sense.network).__name__, error)
         return False
     return all(
         one.shape == other.shape
         and float((one - other).abs().max()) <= share * float(one.abs().max()) + TINY
-        for one, other in zip(expected.scores, outputs, strict=True)
+        for one, other in zip(expected, outputs, strict=True)
     )
 
 

@@ -121,7 +121,11 @@ def add_classes(
     """
     layer = _check_extensible(classifier)
     fusion, senses = classifier.fusion, classifier.card.sense_names
-    statistics = {name: _with_classes(classifier, name, features[name]) for name in senses}
+    means = {name: [_means(members) for members in features[name]] for name in senses}
+    statistics = {
+        name: _with_classes(cast(FeatureStatistics, classifier.statistics[name]), means[name])
+        for name in senses
+    }
     weight, bias = layer.weight.detach().flatten(1), cast(Tensor, layer.bias).detach()
     sizes, rows = [weight.shape[1]] if fusion is None else fusion.sizes, []
     for name, block in zip(senses, torch.split(weight, sizes, dim=1), strict=True):
@@ -135,16 +139,16 @@ def add_classes(
         rows.append(new)
     card = replace(classifier.card, classes=[*classifier.card.classes, *names])
     state = classifier.state_dict() | _with_rows(classifier, layer, torch.cat(rows, dim=1), biases)
-    state |= _with_limits(classifier, features)
+    state |= _with_limits(classifier, means)
     for name, new in zip(senses, rows, strict=True):  # a user's network keeps its own, unused
         own = None if fusion is None else score_layer_of(classifier.senses[name].network)
         if own is not None:
             state |= _with_rows(classifier, own, new, new.new_zeros(len(new)))
     grown = _rebuilt(card, state, statistics)
     for name, known in classifier.rows.items():
-        grown.rows[name] = _with_recordings(
-            cast(TrainingRows, known), features[name], len(classifier.card.classes)
-        )
+        counts = torch.tensor([len(rows) for rows in means[name]])
+        labels = torch.arange(len(names)).repeat_interleave(counts) + len(classifier.card.classes)
+        grown.rows[name] = cast(TrainingRows, known).with_recordings(torch.cat(means[name]), labels)
     return grown
 
 
@@ -160,7 +164,14 @@ def _check_extensible(classifier: SurfaceClassifier) -> ScoreLayer | nn.Linear:
             "recordings; train it anew with task=fit."
         )
     if classifier.fusion is None:
-        return _score_layer(classifier, classifier.card.kind)
+        layer = score_layer_of(classifier.network)
+        if layer is None:
+            raise UserError(
+                f"{type(classifier.network).__name__} of {classifier.card.kind} has no score_layer "
+                "that is an nn.Linear or a convolution of kernel 1 with a bias, which classes "
+                "could be added to; train it anew with all recordings."
+            )
+        return layer
     if "fc3" in classifier.fusion.levels:
         raise UserError(
             "This FusionNet fuses class scores, and classes are added to one that fuses FC2; train "
@@ -169,25 +180,15 @@ def _check_extensible(classifier: SurfaceClassifier) -> ScoreLayer | nn.Linear:
     return classifier.fusion.head
 
 
-def _score_layer(classifier: SurfaceClassifier, name: str) -> ScoreLayer:
-    network = classifier.senses[name].network
-    layer = score_layer_of(network)
-    if layer is None:
-        raise UserError(
-            f"{type(network).__name__} of {name} has no score_layer that is an nn.Linear or a "
-            "convolution of kernel 1 with a bias, which classes could be added to; train it anew "
-            "with all recordings."
-        )
-    return layer
+def _means(recordings: Sequence[Tensor]) -> Tensor:
+    """Return the mean features (recordings, D) of recordings, each (D, positions)."""
+    return torch.stack([features.mean(dim=1) for features in recordings])
 
 
-def _with_classes(
-    classifier: SurfaceClassifier, name: str, features: Fragments
-) -> FeatureStatistics:
-    means = [torch.stack([x.mean(dim=1) for x in rows]).mean(dim=0) for rows in features]
-    counts = torch.tensor([len(rows) for rows in features])
-    known = cast(FeatureStatistics, classifier.statistics[name])
-    return known.with_classes(torch.stack(means), counts)
+def _with_classes(known: FeatureStatistics, added: Sequence[Tensor]) -> FeatureStatistics:
+    """Return statistics with more classes by the mean features (recordings, D) of each."""
+    counts = torch.tensor([len(rows) for rows in added])
+    return known.with_classes(torch.stack([rows.mean(dim=0) for rows in added]), counts)
 
 
 def _with_rows(
@@ -203,23 +204,16 @@ def _with_rows(
 
 
 def _with_limits(
-    classifier: SurfaceClassifier, features: Mapping[str, Fragments]
+    classifier: SurfaceClassifier, means: Mapping[str, Sequence[Tensor]]
 ) -> dict[str, Tensor]:
     """Return limits of gates, ranges and scores, widened by the features of the new classes."""
     widened: dict[str, Tensor] = {}
     for name, part in classifier.named_modules():
         if isinstance(part, RangeGate | FeatureRange | ScoreReach):
             sense = next(x for x in classifier.senses if name.startswith(f"senses.{x}."))
-            rows = torch.stack([x.mean(dim=1) for members in features[sense] for x in members])
+            rows = torch.cat([*means[sense]])
             widened |= {f"{name}.{key}": value for key, value in part.widened(rows).items()}
     return widened
-
-
-def _with_recordings(rows: TrainingRows, features: Fragments, known: int) -> TrainingRows:
-    """Return training rows with the recordings of the new classes, numbered from ``known`` on."""
-    means = [x.mean(dim=1) for members in features for x in members]
-    labels = [known + new for new, members in enumerate(features) for _ in members]
-    return rows.with_recordings(torch.stack(means), torch.tensor(labels))
 
 
 def _rebuilt(

@@ -6,7 +6,7 @@ the probabilities and the novelties of known samples, from which ``decision.unkn
 
 import math
 from collections.abc import Hashable, Iterator, Mapping, Sequence
-from typing import Any, cast
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -105,11 +105,15 @@ def statistics_with_reach(
     them.
     """
     statistics = FeatureStatistics.of(features, labels, classes)
-    measured = leave_out_each(features, labels, classes, groups)
-    if novelties := _known(measured[:, 0]):
-        statistics.reach.copy_(measured[:, 1].nanquantile(REACH))
-        statistics.error.copy_(_error_rate(measured[:, 2]))
-    return statistics, novelties
+    novelty, distance, errs = leave_out_each(features, labels, classes, groups).T
+    if bool(novelty.isnan().all()):
+        return statistics, []
+    statistics.reach.copy_(distance.nanquantile(REACH))
+    # half of the error rate by Laplace's rule: a recording that is taken for another class still
+    # says something of its own
+    measured = (~errs.isnan()).sum()
+    statistics.error.copy_((errs.nansum() + 1) / (measured + 2) / 2)
+    return statistics, [None if math.isnan(value) else value for value in novelty.tolist()]
 
 
 def leave_out_each(
@@ -136,22 +140,6 @@ def leave_out_each(
         errs = (closest != labels[out]).to(distance)
         measured[out] = torch.stack((statistics.novelty(features[out]), distance, errs), dim=1)
     return measured
-
-
-def _error_rate(errs: Tensor) -> Tensor:
-    """Return half of the error rate by Laplace's rule; ``errs`` are 1, 0, or NaN if not measured.
-
-    Half of it, since a recording that is taken for another class still says something of its own.
-    """
-    count = (~errs.isnan()).sum()
-    return (errs.nansum() + 1) / (count + 2) / 2
-
-
-def _known(novelties: Tensor) -> list[float | None]:
-    """Return the novelties as a list with None for NaN; an empty list if all are NaN."""
-    if bool(novelties.isnan().all()):
-        return []
-    return [None if math.isnan(novelty) else novelty for novelty in novelties.tolist()]
 
 
 def _texture_features(
@@ -206,9 +194,7 @@ def calibrate(
     left_out: Mapping[str, Sequence[float | None]],
     loss: float | None,
 ) -> tuple[dict[str, Any], float | None]:
-    """Measure temperature and novelties of a trained classifier on the validation fold.
-
-    A baseline has no novelties.
+    """Measure temperature and novelties of a classifier, or of a baseline, on the validation fold.
 
     The novelties of known samples set the threshold of ``decision.unknown``. If no layer before the
     scores was trained, they include those of left-out training recordings. Trained features fit
@@ -220,7 +206,7 @@ def calibrate(
         parts: Recordings by part.
         store: Decoded files.
         engine: Settings of the accelerated copy that computes scores and novelties.
-        left_out: By sense the novelties of left-out training recordings; may be empty.
+        left_out: By sense the novelties of left-out training recordings; empty of a baseline.
         loss: The validation loss of the best epoch; None if no step was taken.
 
     Returns:
@@ -233,19 +219,19 @@ def calibrate(
         outputs = fast.sense_outputs(**recordings).values()
         partials = [output.partial_logits for output in outputs]
         scores.append(fast.fuse(partials, fast.seed(**recordings)))
-        if classifier.statistics:
-            validated.append(torch.stack([cast(Tensor, output.novelty) for output in outputs]))
-    # such scores are calibrated on all training recordings, which is better than on a few samples
-    fitted = any(left_out.values()) and fits_probabilities(classifier)
-    temperature, calibration = card.temperature, dict[str, Any]()
-    if samples and not fitted:
-        calibration["temperature"] = temperature = sample_temperature(card, samples, scores)
-    if samples and loss is None:
-        loss = sample_loss(card, samples, scores, temperature)
-    known = [x.tolist() for x in to_cpu(validated)]
-    if classifier.statistics and (rows := [*_left_out(left_out, classifier, parts), *known]):
-        columns = zip(card.sense_names, map(list, zip(*rows, strict=True)), strict=True)
-        calibration[NOVELTIES] = dict(columns)
+        validated.append([output.novelty for output in outputs if output.novelty is not None])
+    calibration: dict[str, Any] = {}
+    if samples:
+        # such scores are calibrated on all training recordings, better than on a few samples
+        fitted = any(left_out.values()) and fits_probabilities(classifier)
+        temperature = card.temperature if fitted else sample_temperature(card, samples, scores)
+        loss = sample_loss(card, samples, scores, temperature) if loss is None else loss
+        calibration = {} if fitted else {"temperature": temperature}
+    if classifier.statistics:
+        known = [x.tolist() for x in to_cpu([*map(torch.stack, validated)])]
+        if rows := [*_left_out(left_out, classifier, parts), *known]:
+            columns = map(list, zip(*rows, strict=True))
+            calibration[NOVELTIES] = dict(zip(card.sense_names, columns, strict=True))
     return calibration, loss
 
 

@@ -107,11 +107,10 @@ def open_loggers(nodes: Nodes, directory: Path, name: str) -> list[Logger]:
 
 
 def _make(where: str, node: Mapping[str, Any], directory: Path, name: str) -> Logger:
-    offered = {"save_dir": str(directory), "run_name": name}
-    called = find_callable(where, node)
-    if isinstance(called, type) and issubclass(called, TensorBoardLogger):
-        return build_derived(where, node, Logger, **offered, version=event_folder(directory, name))  # type: ignore[no-any-return]
-    logger: Logger = build_derived(where, node, Logger, **offered, version=name)
+    offered, called = {"save_dir": str(directory), "run_name": name}, find_callable(where, node)
+    shown = isinstance(called, type) and issubclass(called, TensorBoardLogger)
+    version = event_folder(directory, name) if shown else name
+    logger: Logger = build_derived(where, node, Logger, **offered, version=version)
     if isinstance(logger, CSVLogger) and (earlier := Path(logger.log_dir)).is_dir():
         count = len(list(earlier.parent.glob(f"{name}*")))  # it would write over that one
         again = f"{name}_resumed{count}"

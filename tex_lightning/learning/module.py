@@ -119,21 +119,26 @@ class SurfaceModule(LightningModule):
                 module.eval()
         return self
 
-    def parameter_groups(self) -> tuple[list[nn.Parameter], list[nn.Parameter]]:
-        """Return the parameters at the base learning rate, and those at ``head_factor`` times it.
+    def parameter_groups(self) -> list[dict[str, Any]]:
+        """Return the groups of the optimiser: ``backbone``, and ``head`` at another rate.
 
-        The former are those of the trunk, or all of a network without a trunk. In FusionNet they
-        are those of all networks, and the latter those of the fusion layer.
+        The backbone is the trunk, or all of a network without a trunk; of FusionNet it is all
+        networks. The head is what else is trained, at ``head_factor`` times the learning rate. A
+        group without parameters is left out.
         """
-        if self.kind == FUSION:
-            senses = self.classifier.senses.values()
-            networks = nn.ModuleList(sense.network for sense in senses)
-            return list(networks.parameters()), list(self.fusion.parameters())
-        trunk = getattr(self.network, "trunk", None)
-        whole = trunk if isinstance(trunk, nn.Module) else self.network
-        backbone = list(whole.parameters())
-        slow = set(backbone)
-        return backbone, [weight for weight in self.network.parameters() if weight not in slow]
+        networks = [sense.network for sense in self.classifier.senses.values()]
+        trunk = getattr(networks[0], "trunk", None)
+        if len(networks) == 1 and isinstance(trunk, nn.Module):
+            networks = [trunk]
+        backbone = [*nn.ModuleList(networks).parameters()]
+        slow, every = set(backbone), nn.ModuleList(self.classifier.trained_modules()).parameters()
+        head = [weight for weight in every if weight not in slow]
+        rate = self.fit_config["learning_rate"]
+        groups = [
+            {"params": backbone, "lr": rate, "name": "backbone"},
+            {"params": head, "lr": rate * self.fit_config["head_factor"], "name": "head"},
+        ]
+        return [group for group in groups if group["params"]]
 
     def forward(self, *inputs: Tensor) -> Tensor:
         """Return class scores (batch, classes, fragments or tuples) of an input of each sense."""
@@ -224,17 +229,29 @@ class SurfaceModule(LightningModule):
         each group if its class takes them.
 
         Raises:
-            UserError: If the optimiser or the schedule cannot be made.
+            UserError: If one of the two cannot be made, or is of a wrong class.
         """
-        backbone, head = self.parameter_groups()
-        if not backbone + head:
+        groups, fit, where = self.parameter_groups(), self.fit_config, f"model.{self.kind}.fit"
+        if not groups:
             return None  # of a network that was fitted in closed form to its buffers
-        where, weights = f"model.{self.kind}.fit", backbone + head
+        offered: dict[str, Any] = {"lr": fit["learning_rate"]}  # a class may have no default of it
+        weights = [weight for group in groups for weight in group["params"]]
         # one pass over the parameters; on a GPU it would keep Lightning from clipping gradients
-        fused = all(weight.device.type == "cpu" for weight in weights) and not self._clips_unscaled
-        optimizer, scheduler = make_optimizer(
-            where, self.fit_config, backbone, head, steps=self._planned_steps(), fused=fused
-        )
+        if all(weight.device.type == "cpu" for weight in weights) and not self._clips_unscaled:
+            offered["fused"] = True
+        make = build(f"{where}.optimizer", fit["optimizer"], **offered)
+        optimizer = call(f"{where}.optimizer", make, groups)
+        steps, rates = self._planned_steps(), [group["lr"] for group in groups]
+        make_scheduler = build(
+            f"{where}.schedule", fit["schedule"],
+            total_steps=steps, total_iters=steps, T_max=steps, max_lr=rates,
+        )  # fmt: skip
+        scheduler = call(f"{where}.schedule", make_scheduler, optimizer)
+        if isinstance(scheduler, ReduceLROnPlateau) or not isinstance(scheduler, LRScheduler):
+            raise UserError(
+                f"{where}.schedule is {type(scheduler).__name__}, which does not go by the number "
+                "of the step; choose a class that does, such as torch.optim.lr_scheduler.StepLR."
+            )
         return {
             "optimizer": optimizer,
             "lr_scheduler": {"scheduler": scheduler, "interval": "step"},
@@ -298,48 +315,3 @@ def training_layout(classifier: nn.Module) -> torch.memory_format:
     stride 2 on eight channels, which no network of this package has.
     """
     return torch.channels_last if is_builtin(classifier) else torch.contiguous_format
-
-
-def make_optimizer(
-    where: str,
-    fit: dict[str, Any],
-    backbone: list[nn.Parameter],
-    head: list[nn.Parameter],
-    *,
-    steps: int,
-    fused: bool,
-) -> tuple[Any, LRScheduler]:
-    """Make a recipe's optimiser of two groups of parameters, and its schedule.
-
-    Args:
-        where: The recipe's key.
-        fit: The recipe.
-        backbone: Parameters at the base learning rate.
-        head: Parameters at ``head_factor`` times that.
-        steps: Number of steps over which the schedule goes, where its class takes it.
-        fused: Whether the optimiser makes one pass over the parameters, where its class can.
-
-    Raises:
-        UserError: If one of the two cannot be made, or is of a wrong class.
-    """
-    rate = fit["learning_rate"]
-    groups = [
-        {"params": backbone, "lr": rate, "name": "backbone"},
-        {"params": head, "lr": rate * fit["head_factor"], "name": "head"},
-    ]
-    groups = [group for group in groups if group["params"]]
-    offered = {"lr": rate} | ({"fused": True} if fused else {})  # a class may have no default of lr
-    make = build(f"{where}.optimizer", fit["optimizer"], **offered)
-    optimizer = call(f"{where}.optimizer", make, groups)
-    make_scheduler = build(
-        f"{where}.schedule", fit["schedule"],
-        total_steps=steps, total_iters=steps, T_max=steps,
-        max_lr=[group["lr"] for group in groups],
-    )  # fmt: skip
-    scheduler = call(f"{where}.schedule", make_scheduler, optimizer)
-    if isinstance(scheduler, ReduceLROnPlateau) or not isinstance(scheduler, LRScheduler):
-        raise UserError(
-            f"{where}.schedule is {type(scheduler).__name__}, which does not go by the number "
-            "of the step; choose a class that does, such as torch.optim.lr_scheduler.StepLR."
-        )
-    return optimizer, scheduler

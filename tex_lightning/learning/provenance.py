@@ -75,14 +75,7 @@ def complete_recipe(
 
 
 def starting_classifier(source: str, kind: str) -> SurfaceClassifier | None:
-    """Load the checkpoint whose trunk a network of this kind starts from.
-
-    Returns:
-        The classifier; None if ``source`` names ImageNet weights and no checkpoint of this package.
-
-    Raises:
-        UserError: If the checkpoint cannot be used.
-    """
+    """Load the checkpoint whose trunk a network starts from; None of weights from elsewhere."""
     path = Path(source)
     return SurfaceClassifier.from_checkpoint(path, kind) if path.suffix == SUFFIX else None
 

@@ -120,13 +120,9 @@ def start_network(
     that has a method ``fit``, as :class:`~tex_lightning.networks.linear.LinearNet`. Networks that
     neither applies to are left to the training steps.
 
-    Args:
-        module: Module of the network, on the CPU, where it is left.
-        batches: Training batches, whose banks hold the recordings.
-        groups: Group of each training recording of the first sense.
-        weights: Source of the trunk's weights, see :func:`start_trunk`; None is random.
-        device: Device that computes the features.
-        engine: Settings of the accelerated copy that computes the features.
+    The module is on the CPU, and is left there; ``device`` and ``engine`` compute features.
+    ``groups`` are those of the training recordings of the first sense, ``weights`` the source of
+    the trunk's weights (:func:`start_trunk`) or None.
 
     Raises:
         UserError: If the weights cannot be used.

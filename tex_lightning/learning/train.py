@@ -136,9 +136,7 @@ class Training:
     def run(self) -> SurfaceClassifier:
         """Train, calibrate and write the checkpoint, unless it is there already.
 
-        Raises:
-            UserError: If a recording is too short, or weights or checkpoints do not fit.
-            KeyboardInterrupt: If the user stopped it; the last finished epoch is kept.
+        It raises what :func:`train_networks` does.
         """
         if self.checkpoint.is_file():
             done = "fitted" if self.card.baseline else "trained"
@@ -231,9 +229,8 @@ class Training:
         with self._timed():
             classifier.fit(rows, self.store, self.config.seed)
         check_fitted_baseline(classifier, [load_recording(row, self.store) for row in rows[:2]])
-        calibration, loss = calibrate(
-            classifier, self.parts, self.store, self.config.engine, {}, None
-        )
+        engine = self.config.engine
+        calibration, loss = calibrate(classifier, self.parts, self.store, engine, {}, None)
         self._complete(classifier, calibration, {"fit_seconds": self.seconds, "val_loss": loss})
         classifier.save(self.checkpoint)
         return classifier
@@ -292,6 +289,7 @@ class Training:
 
     @property
     def _rows(self) -> Sequence[Recording]:
+        """The training recordings of the first sense."""
         return self.parts.train.of(self.card.modalities[0]).rows
 
     @contextmanager

@@ -110,7 +110,21 @@ class ProgressBar(LightningProgressBar):
 
 
 class Keeper(ModelCheckpoint):
-    """A class of its own, whose state in a checkpoint is not that of a user's ModelCheckpoint."""
+    """Keeps the epoch with the smallest ``monitor``, or the last epoch.
+
+    It has a class of its own, so that its state in a checkpoint is not that of a user's
+    ModelCheckpoint.
+    """
+
+    def __init__(self, working: Path, name: str, monitor: str | None) -> None:
+        super().__init__(
+            dirpath=working,
+            filename=name,
+            monitor=monitor,
+            save_on_train_epoch_end=True,  # a resumption then starts with a whole epoch
+            enable_version_counter=False,
+            auto_insert_metric_name=False,
+        )
 
 
 class CheckpointFiles(TorchCheckpointIO):
@@ -164,24 +178,17 @@ def make_trainer(
 ) -> Trainer:
     """Make the trainer, with callbacks that keep the checkpoints of the last and the best epoch.
 
-    The best epoch is kept only with a validation; its callback is then the trainer's first
-    ``checkpoint_callback``.
-
-    Args:
-        settings: Flags of Lightning's Trainer, which override those of this package.
-        callbacks: Further callbacks.
-        loggers: Loggers of the network.
-        fit: The training recipe of the network.
-        working: Folder of the checkpoints of its epochs, ``RUN/checkpoints/NETWORK``.
-        validated: Whether there are samples to validate on.
+    The best epoch is kept only where samples are ``validated``; its callback is then the trainer's
+    first ``checkpoint_callback``. Flags of the settings override those of this package. Epochs are
+    kept in the folder ``working``, ``RUN/checkpoints/NETWORK``.
 
     Raises:
         UserError: If a flag cannot be used.
     """
     # not Lightning's save_last, which skips epochs that are not the best; the callback of the best
     # epoch comes first, since the last checkpoint contains its state
-    best = [_keep(working, BEST, "val/loss")] if validated else []
-    keepers = [*best, _keep(working, LAST, None)]
+    best = [Keeper(working, BEST, "val/loss")] if validated else []
+    keepers = [*best, Keeper(working, LAST, None)]
     flags = {
         "log_every_n_steps": min(10, fit["steps_per_epoch"]),
         "limit_val_batches": 1.0 if validated else 0,
@@ -242,18 +249,6 @@ def build_callbacks(nodes: Mapping[str, Any], flags: Mapping[str, Any]) -> list[
     if flags.get("enable_progress_bar", True):
         return callbacks
     return [callback for callback in callbacks if not isinstance(callback, LightningProgressBar)]
-
-
-def _keep(working: Path, name: str, monitor: str | None) -> ModelCheckpoint:
-    """Make the callback that keeps the epoch with the smallest ``monitor``, or the last epoch."""
-    return Keeper(
-        dirpath=working,
-        filename=name,
-        monitor=monitor,
-        save_on_train_epoch_end=True,  # a resumption then starts with a whole epoch
-        enable_version_counter=False,
-        auto_insert_metric_name=False,
-    )
 
 
 def find_resumable(working: Path) -> Path | None:

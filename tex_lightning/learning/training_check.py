@@ -19,11 +19,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.learning.loggers import open_loggers
 from tex_lightning.learning.module import SurfaceModule, make_module
 from tex_lightning.learning.start import start_trunk
-from tex_lightning.learning.trainer import (
-    build_callbacks,
-    make_trainer,
-    quiet_lightning,
-)
+from tex_lightning.learning.trainer import build_callbacks, make_trainer, quiet_lightning
 from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.senses.base import Sense
 
