@@ -1,4 +1,7 @@
-"""Check the contract of the parts of a sense: train on two recordings, save, load, compare."""
+"""Check the contract of the parts of a sense: train on two recordings, save, load, compare.
+
+A part that does not keep its contract is a UserError (:func:`~tex_lightning.core.contract.breach`).
+"""
 
 import io
 import logging
@@ -40,17 +43,8 @@ def check_parts(
 ) -> None:
     """Check the parts of one sense: train it on two recordings, save it and load it again.
 
-    Args:
-        classifier: Classifier of a single sense.
-        rebuilt: A new classifier of the same card, which gets the state of ``classifier``.
-        fit: The training recipe.
-        piece: Length or side of the pieces that it is trained on.
-        recordings: Decoded recordings.
-        store: Store of the decoded recordings.
-        change: The augmentation of photos; None for none.
-
-    Raises:
-        UserError: If a part does not keep its contract.
+    It is trained by the recipe ``fit`` on pieces of this length or side. A new classifier of the
+    same card (``rebuilt``) gets its state. ``change`` is the augmentation of photos, if any.
     """
     (sense,), network, card = classifier.senses.values(), classifier.network, classifier.card
     features, scored = parts_of(sense)
@@ -168,13 +162,7 @@ def check_gradient(scores: Tensor, sense: Sense, part: Part) -> None:
 def check_trunk(part: Part, trunk: Trunk, images: Tensor) -> None:
     """Reject a trunk whose features are not finite (batch, out_channels, rows, columns).
 
-    Args:
-        part: The trunk, as its contract names it.
-        trunk: The trunk.
-        images: Images (batch, 3, height, width).
-
-    Raises:
-        UserError: If they are not.
+    It is given images (batch, 3, height, width); ``part`` is how its contract names it.
     """
     check_call(part, trunk.forward, "images")
     with calling(*part):
@@ -194,11 +182,7 @@ def check_trunk(part: Part, trunk: Trunk, images: Tensor) -> None:
 def check_outputs(
     classifier: SurfaceClassifier, rebuilt: SurfaceClassifier, recordings: Sequence[Tensor]
 ) -> None:
-    """Check the scores of recordings, and that a loaded checkpoint gives the same.
-
-    Raises:
-        UserError: If a part does not keep its contract.
-    """
+    """Check the scores of recordings, and that a loaded checkpoint gives the same."""
     rebuilt.load_state_dict(saved(classifier.state_dict()))
     (sense,), (again,) = classifier.senses.values(), rebuilt.senses.values()
     (features, scored), classes = parts_of(sense), len(classifier.card.classes)
@@ -214,11 +198,7 @@ def check_outputs(
 def check_baseline(
     classifier: SurfaceClassifier, rebuilt: SurfaceClassifier, recordings: Sequence[Tensor]
 ) -> None:
-    """Check the outputs of a fitted baseline, and that its state restores them.
-
-    Raises:
-        UserError: If it does not keep its contract.
-    """
+    """Check the outputs of a fitted baseline, and that its state restores them."""
     (sense,), network = classifier.senses.values(), cast(Any, classifier.network)
     _, part = parts_of(sense)
     with calling(*part):

@@ -39,15 +39,9 @@ MAX_WASTE = 0.5  # of the full pass, that undecided beginnings of a trace may co
 
 
 def make_inference_model(
-    classifier: SurfaceClassifier,
-    engine: EngineConfig,
-    decision: DecisionConfig,
+    classifier: SurfaceClassifier, engine: EngineConfig, decision: DecisionConfig
 ) -> Decider:
-    """Prepare a classifier for tests: accelerated, with the configured decision.
-
-    Raises:
-        UserError: If a baseline is to decide sequentially.
-    """
+    """Prepare a classifier for tests: accelerated, with the configured :func:`decide`."""
     fast = accelerate(classifier, engine)
     fast.card = fast.card.deciding(decision)
     return decide(fast, decision)
@@ -58,10 +52,8 @@ def decide(
 ) -> Decider:
     """Return the decider that uses a classifier: itself, or a sequential decision by it.
 
-    Args:
-        full: Classifier in evaluation mode, accelerated or not.
-        decision: Name of the decision, and its threshold.
-        costs: Costs of the classifier, for a sequential decision; None counts them.
+    The classifier is in evaluation mode, accelerated or not. A sequential decision uses its costs;
+    None counts them.
 
     Raises:
         UserError: If a baseline is to decide sequentially.
@@ -79,17 +71,11 @@ def decide(
 class Deciders:
     """Deciders for samples that have all senses of a classifier, and for those that have some.
 
-    Args:
-        classifier: Trained classifier; it is not changed.
-        engine: Settings of the accelerated copy, whose networks all deciders share.
-        decision: Threshold of unknown recordings, early stopping.
+    All share the networks of one accelerated copy; the given classifier is not changed.
 
     Attributes:
         classifiers: The accelerated classifier of every subset of the senses.
-        by_senses: The decider of every subset of the senses.
-
-    Raises:
-        UserError: If a baseline is to decide sequentially.
+        by_senses: The decider (:func:`decide`) of every subset of the senses.
     """
 
     def __init__(
@@ -122,14 +108,7 @@ def is_local(sense: Sense) -> bool:
 class SequentialDecision:
     """A decider that stops as soon as it is confident; see the module.
 
-    Args:
-        full: Classifier that computes the scores.
-        config: Settings with the ``confidence_threshold``.
-        costs: Costs of the classifier.
-
-    Attributes:
-        card: Card of the classifier.
-        threshold: Mean probability at which the decision stops; 1 is never reached.
+    ``full`` computes the scores; its mean probability reaches no ``confidence_threshold`` of 1.
     """
 
     def __init__(self, full: SurfaceClassifier, config: DecisionConfig, costs: Costs) -> None:

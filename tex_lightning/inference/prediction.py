@@ -75,15 +75,10 @@ def make_prediction(
     latency: float,
     modalities: Sequence[str] = (),
 ) -> Prediction:
-    """Make a prediction from a vote.
+    """Make a prediction from a vote, None where there is no fragment yet.
 
-    Args:
-        vote: None where there is no fragment yet.
-        card: Gives class names and the threshold of novelty.
-        quality: Warnings about the input.
-        top_k: Number of classes to list.
-        latency: Time from input to label in seconds.
-        modalities: Modalities that a FusionNet used.
+    It lists the best ``top_k`` classes. ``latency`` is the time from input to label in seconds, and
+    ``modalities`` are those that a FusionNet used.
     """
     threshold = card.unknown_above
     told: dict[str, Any] = {
@@ -122,12 +117,7 @@ def make_prediction(
 def check_unknown(card: Card, described: bool) -> None:
     """Reject ``decision.unknown`` for a checkpoint without novelties; warn if it has few.
 
-    Args:
-        card: Card with the decision to check.
-        described: Whether there are statistics of its features.
-
-    Raises:
-        UserError: Saying what it lacks.
+    It also needs statistics of its features (``described``).
     """
     if not card.unknown:
         return

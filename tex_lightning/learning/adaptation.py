@@ -87,27 +87,26 @@ def adapt(
     check_adaptable(classifier)
     recordings = [(x.mean(dim=1).cpu(), x.shape[1]) for x in embeddings]
     whole = deepcopy(classifier).cpu()
-    (name,), network = whole.senses, cast(LinearNet, whole.network)
+    (name,) = whole.senses
     if unknown_above is not None:
         novelty = cast(FeatureStatistics, whole.statistics[name]).novelty
         recordings = [(mean, count) for mean, count in recordings if novelty(mean) <= unknown_above]
     recordings.sort(key=lambda pair: pair[0].numpy().tobytes())
     if not recordings:
         return Adaptation(classifier, "there are no recordings of known classes", 0, {}, 0)
-    student = _Student(
-        network, cast(TrainingRows, whole.rows[name]), torch.stack([mean for mean, _ in recordings])
-    )
+    means = torch.stack([mean for mean, _ in recordings])
+    student = _Student(cast(LinearNet, whole.network), cast(TrainingRows, whole.rows[name]), means)
     try:
-        lesson = student.learn()
+        network, labels, changed = student.learn()
     except Unsafe as error:
         return Adaptation(classifier, str(error), len(recordings), {}, 0)
     usual = median(count for _, count in recordings)
-    lesson.network.scores.gate.fragments.fill_(usual)
-    lesson.network.scores.range.most.fill_(int(usual * SHORT_PART))
-    _replace(whole, name, student, lesson)
-    counts = lesson.labels[lesson.labels >= 0].bincount(minlength=network.classes).tolist()
+    network.scores.gate.fragments.fill_(usual)
+    network.scores.range.most.fill_(int(usual * SHORT_PART))
+    _replace(whole, name, student, network, labels)
+    counts = labels[labels >= 0].bincount(minlength=network.classes).tolist()
     by_class = {x: n for x, n in zip(classifier.card.classes, counts, strict=True) if n}
-    return Adaptation(whole.eval(), "", len(recordings), by_class, lesson.changed)
+    return Adaptation(whole.eval(), "", len(recordings), by_class, changed)
 
 
 @torch.inference_mode()
@@ -148,20 +147,6 @@ class Unsafe(Exception):
     """Why a network should stay as it is, in a phrase."""
 
 
-class _Lesson(NamedTuple):
-    """Recordings that a network is fitted to, with the labels that it gave them.
-
-    Attributes:
-        network: Fitted to them, too.
-        labels: Class index of each recording that taught, -1 of others (recordings,).
-        changed: How many recordings have another label than before.
-    """
-
-    network: LinearNet
-    labels: Tensor
-    changed: int
-
-
 class _Student:
     """A network with its training rows, and the recordings that may teach it.
 
@@ -185,8 +170,12 @@ class _Student:
         scores.short.take(None)
         scores.reach.train()  # margins are those of the line
 
-    def learn(self) -> _Lesson:
+    def learn(self) -> tuple[LinearNet, Tensor, int]:
         """Fit the network again.
+
+        Returns:
+            The network; the class index of each recording that it was fitted to, -1 of others
+            (recordings,); how many recordings have another label than before.
 
         Raises:
             Unsafe: If that should not be used.
@@ -213,7 +202,7 @@ class _Student:
             scores = self.scores(network)
         check_told_apart(before, scores, self.left_out(taught, labels))
         changed = int((scores.argmax(dim=1) != before.argmax(dim=1)).sum())
-        return _Lesson(network, labels.where(taught, -1), changed)
+        return network, labels.where(taught, -1), changed
 
     def fitted(self, taught: Tensor, labels: Tensor) -> LinearNet:
         """Return a network fitted to the training rows and the marked recordings."""
@@ -348,12 +337,13 @@ def _present(scores: Tensor) -> Tensor:
     return present
 
 
-def _replace(classifier: SurfaceClassifier, name: str, student: _Student, lesson: _Lesson) -> None:
+def _replace(
+    classifier: SurfaceClassifier, name: str, student: _Student, network: LinearNet, labels: Tensor
+) -> None:
     """Put a refitted network into a classifier, with what its checkpoint keeps.
 
     The rows stay those of the training, whose labels are known.
     """
-    network, labels = lesson.network, lesson.labels
     taught = labels >= 0
     with torch.no_grad():
         known, others = (

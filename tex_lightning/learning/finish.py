@@ -44,19 +44,14 @@ def set_statistics(
     """Set the :attr:`~SurfaceClassifier.statistics` of every sense of a trained classifier.
 
     Its :attr:`~SurfaceClassifier.trained_embeddings` are set as well, and the
-    :attr:`~SurfaceClassifier.rows` of a network that keeps them.
+    :attr:`~SurfaceClassifier.rows` of a network that keeps them. It is on the device that computes,
+    and is left in evaluation mode. Network inputs in the ``banks`` of the training are used again,
+    and if no step was taken (``frozen``) the cached texture features of a trunk.
 
-    Args:
-        classifier: Trained classifier on the device that computes; left in evaluation mode.
-        rows: The training recordings.
-        store: Decoded files.
-        engine: Settings of the accelerated copy that computes the features.
-        banks: By sense the bank of the training, whose network inputs are used again.
-        frozen: Whether no step was taken, so that the texture features of a trunk may be cached.
-        closed_form: Whether no layer before the scores was trained on the recordings, not even in
-            the networks that a fusion starts from. Recordings that are left out of the statistics
-            are then like new ones. They give ``reach`` and ``error`` of the statistics, by which a
-            fusion weights its senses.
+    ``closed_form`` says that no layer before the scores was trained on the recordings, not even in
+    the networks that a fusion starts from. Recordings that are left out of the statistics are then
+    like new ones. They give ``reach`` and ``error`` of the statistics, by which a fusion weights
+    its senses.
 
     Returns:
         By sense the novelty of each recording when it is left out (:func:`leave_out_each`); None
@@ -168,12 +163,7 @@ def position_features(
 ) -> Iterator[Tensor]:
     """Yield features (D, positions) of one sense, on the device that computes, of each recording.
 
-    Args:
-        classifier: In evaluation mode.
-        name: Name of the sense.
-        rows: Recordings of its modality.
-        store: Where they are decoded.
-        bank: Bank whose network inputs are used, if its recordings are the same; else None.
+    Network inputs are taken from a ``bank`` of the same recordings, if there is one.
     """
     modality = classifier.senses[name].modality
     inputs = bank.inputs if isinstance(bank, InputBank) and bank.as_given else None
@@ -201,16 +191,9 @@ def calibrate(
     their training recordings too well for that: of new recordings a third would be above the 95 %
     quantile (docs/calibration.md).
 
-    Args:
-        classifier: Trained classifier on the device that computes.
-        parts: Recordings by part.
-        store: Decoded files.
-        engine: Settings of the accelerated copy that computes scores and novelties.
-        left_out: By sense the novelties of left-out training recordings; empty of a baseline.
-        loss: The validation loss of the best epoch; None if no step was taken.
-
     Returns:
-        ``calibration`` of the card, and the validation loss; None without a validation fold.
+        ``calibration`` of the card, and the validation loss. That is the given one of the best
+        epoch; if it is None, since no step was taken, it is measured, unless there is no fold.
     """
     card, samples = classifier.card, make_samples(parts.val, classifier.card.modalities)
     fast, scores, validated = accelerate(classifier, engine), [], []

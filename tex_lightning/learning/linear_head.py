@@ -62,12 +62,8 @@ def fit_linear_head(
     With few photos the penalty makes the scores too small, and so too unconfident. They are scaled
     until the confidence in left-out groups of photos equals the accuracy there.
 
-    Args:
-        module: Module of the VisualNet with a pretrained trunk, on the device that computes.
-        photos: Photos of the training set, with an augmentation if they are to be perturbed.
-        labels: Class index of each photo; every class occurs.
-        groups: Group of each photo.
-        engine: Settings of the accelerated copy that computes the features.
+    The module is on the device that computes. Photos have an augmentation if they are to be
+    perturbed; ``labels`` are their class indices, of which every class occurs.
     """
     recipe = module.fit_config["probe"]
     module.network.trunk.eval()
@@ -96,14 +92,9 @@ def _sharpness(
 ) -> float:
     """Return the factor that makes the scores of left-out photos as confident as accurate.
 
-    Args:
-        fit: Function that fits weights and biases to rows and targets.
-        rows: Features (views, D) of views of the photos.
-        targets: Class index of each view.
-        parts: Number of the part with which each view is left out; -1 leaves it in always.
-
-    Returns:
-        The factor; 1 if no photo can be left out, since every class has only one.
+    It is 1 if no photo can be left out, since every class has only one. ``fit`` fits weights and
+    biases to ``rows``, features (views, D) of views of the photos, and ``targets``, their class
+    indices; ``parts`` number the part with which each is left out, -1 leaves it in always.
     """
     tested = parts >= 0
     if not tested.any():

@@ -90,11 +90,8 @@ class _Drawn(nn.Module):
 def open_loggers(nodes: Nodes, directory: Path, name: str) -> list[Logger]:
     """Make the configured loggers of one network, for its training and its test.
 
-    Args:
-        nodes: ``logger`` of the configuration. Where a class takes them, it gets the run folder as
-            ``save_dir`` and the name as ``version`` and ``run_name``.
-        directory: The run folder.
-        name: Name of the network. A CSV goes beside that of an interrupted run.
+    Where a class takes them, it gets the run folder as ``save_dir`` and the network's name as
+    ``version`` and ``run_name``. A CSV goes beside that of an interrupted run.
 
     Raises:
         UserError: If one cannot be made.
@@ -188,16 +185,10 @@ def log_test(
 ) -> None:
     """Log the metrics and artifacts of a test, and the hyper-parameters of the network.
 
-    A network that was trained on all recordings has no test; its training is logged.
-
-    Args:
-        loggers: Loggers of the network.
-        name: Name of the network: its sense, or ``fusion``.
-        config: The whole configuration as plain values, or what of it was read.
-        result: The network's entry of ``results.json``.
-        artifacts: Figures, texts and the like.
-        trial: Settings by which TensorBoard compares this training with others; None for a fold
-            of a cross-validation, and for an evaluation, which trains nothing.
+    A network that was trained on all recordings has no test; its training is logged. ``config`` is
+    the whole configuration as plain values, or what of it was read, and ``result`` the network's
+    entry of ``results.json``. ``trial`` are the settings by which TensorBoard compares this
+    training with others; None for a fold of a cross-validation, and for an evaluation.
     """
     metrics = logged_figures(result)
     if trial is not None:

@@ -5,7 +5,6 @@ give one position each, with a higher learning rate for its head.
 """
 
 import math
-from collections.abc import Iterable
 from functools import partial
 from typing import Any, Self
 
@@ -91,10 +90,9 @@ class SurfaceModule(LightningModule):
 
     @property
     def change(self) -> Change | None:
-        """The recipe's augmentation of photos, if there is one."""
-        if self.augmentation is None:
-            return None
-        return partial(augment, f"model.{self.kind}.fit.augmentation", self.augmentation)
+        """The recipe's augmentation of photos (batch, 3, side, side) in [0, 1], if any."""
+        key = f"model.{self.kind}.fit.augmentation"
+        return None if self.augmentation is None else partial(augment, key, self.augmentation)
 
     @property
     def network(self) -> Any:  # noqa: ANN401
@@ -143,14 +141,18 @@ class SurfaceModule(LightningModule):
     def forward(self, *inputs: Tensor) -> Tensor:
         """Return class scores (batch, classes, fragments or tuples) of an input of each sense."""
         senses = self.classifier.senses.values()
-        if self.kind == FUSION:
-            levels = self.fusion.levels
-            return self._fused(
-                sense.score(x, level).flatten(2)
-                for sense, level, x in zip(senses, levels, inputs, strict=True)
-            )
-        (x,), (sense,) = inputs, senses
-        return sense.score(x, "fc3").flatten(2)
+        if self.kind != FUSION:
+            (x,), (sense,) = inputs, senses
+            return sense.score(x, "fc3").flatten(2)
+        parts = []
+        for number, (sense, x) in enumerate(zip(senses, inputs, strict=True)):
+            features = sense.score(x, self.fusion.levels[number]).flatten(2)
+            parts.append(self.fusion.project(number, features))
+        counts, tuples = [part.shape[-1] for part in parts], None
+        if max(counts) > 1:  # a network gives several positions for a piece
+            positions = torch.arange(max(counts), device=parts[0].device)
+            tuples = torch.stack([positions % count for count in counts], dim=1)
+        return self.fusion.fuse(parts, tuples)
 
     def example_inputs(self) -> list[Tensor]:
         """Make an example input (1, ...) of each sense, of the size of a piece."""
@@ -163,15 +165,6 @@ class SurfaceModule(LightningModule):
                 x = x.repeat(*[1] * (x.dim() - 1), size)
             inputs.append(x.to(sense.device))
         return inputs
-
-    def _fused(self, features: Iterable[Tensor]) -> Tensor:
-        """Return class scores (batch, classes, tuples) of features (batch, D, positions)."""
-        parts = [self.fusion.project(*part) for part in enumerate(features)]
-        counts, tuples = [part.shape[-1] for part in parts], None
-        if max(counts) > 1:  # a network gives several positions for a piece
-            positions = torch.arange(max(counts), device=parts[0].device)
-            tuples = torch.stack([positions % count for count in counts], dim=1)
-        return self.fusion.fuse(parts, tuples)
 
     def on_train_epoch_start(self) -> None:
         """Seed dropout by seed, epoch and process, so that a resumed run repeats it exactly."""

@@ -48,13 +48,8 @@ def complete_recipe(
 ) -> Card:
     """Add to the card of a network the ranges and digests of its recordings, and its first weights.
 
-    Args:
-        config: The weights of trunks, and the fold.
-        card: Card of the network as it is configured.
-        parts: Recordings by part.
-        store: Decoded files.
-        starts: By sense the networks that FusionNet starts from; it takes their settings.
-        known: Entries of ``training`` that are known beforehand.
+    ``starts`` are the networks that FusionNet starts from, by sense; it takes their settings.
+    ``known`` are entries of ``training`` that are known beforehand.
 
     Raises:
         UserError: If the first weights cannot be used, or were trained on test recordings.
@@ -85,12 +80,8 @@ def trained_on(
 ) -> dict[str, Any]:
     """Return ``trained_on`` of a card: digests of the recordings, and the fold that is left out.
 
-    Args:
-        card: Card of the network to train.
-        parts: Recordings by part.
-        data: Division into folds.
-        begun: Cards of the networks that it starts from, whose recordings count as its own.
-        source: Source of the trunk's first weights; None is random, or the trunk of ``begun``.
+    The recordings of networks that it starts from (cards ``begun``) count as its own. ``source`` is
+    that of the trunk's first weights; None is random, or the trunk of ``begun``.
     """
     inverted = data.inverted and data.test_fold is not None
     used = (row for part in (parts.train, parts.val) for row in part)

@@ -31,15 +31,10 @@ log = logging.getLogger(__name__)
 
 
 def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
-    """Load weights into the trunk of a network; its head keeps its weights.
+    """Load weights into the trunk of a network, and return a sentence that says what was loaded.
 
-    Args:
-        classifier: Classifier of one sense.
-        source: A checkpoint (.ckpt) of the same kind of network; for VisualNet also a source of
-            :func:`~tex_lightning.networks.weights.load_trunk_weights`.
-
-    Returns:
-        A sentence that says what was loaded.
+    The head keeps its weights. The source is a checkpoint (.ckpt) of the same kind of network; for
+    VisualNet also one of :func:`~tex_lightning.networks.weights.load_trunk_weights`.
 
     Raises:
         UserError: If the source cannot be used, or its trunk has another shape.
@@ -89,11 +84,8 @@ def start_fusion(
 ) -> None:
     """Copy networks and fitted features of trained senses into FusionNet.
 
-    Args:
-        module: Module of the fusion.
-        starts: By sense the classifier whose weights are copied.
-        head_start: First weights of the fusion layer: with ``scores`` it gives the sum of the
-            class scores of all networks, with ``random`` its weights are small and random.
+    With the ``head_start`` ``scores`` the fusion layer gives the sum of the class scores of all
+    networks, with ``random`` its weights are small and random.
     """
     for name, start in starts.items():
         sense, source = module.classifier.senses[name], start.cpu().senses[name]

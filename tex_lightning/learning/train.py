@@ -68,16 +68,11 @@ def train_networks(
 ) -> Iterator[tuple["Training", SurfaceClassifier]]:
     """Train the networks of a model, one after the other.
 
-    The test part is used only to reject given checkpoints that were trained on it.
-
-    Args:
-        config: The model, its recipes, and the weights and checkpoints that it starts from.
-        classes: Class names in the order of the outputs.
-        parts: Recordings by part; validation and test may be empty.
-        store: Decoded files.
-        directory: The run folder; finished checkpoints in it are loaded and not trained again.
-        shared_in: Folder with networks that several systems of a family have in common.
-        known: By network the entries of its card's ``training`` that are known beforehand.
+    Classes are in the order of the outputs. Validation and test part may be empty; the test part is
+    used only to reject given checkpoints that were trained on it. Finished checkpoints in the run
+    folder are loaded and not trained again; ``shared_in`` is a folder with networks that several
+    systems of a family have in common. ``known`` are the entries of each card's ``training`` that
+    are known beforehand.
 
     Yields:
         Each training with its classifier, that of the whole model last.
@@ -107,14 +102,9 @@ class Training:
     """The training of one network, or the fit of a baseline.
 
     Attributes:
-        config: The configuration.
         card: Card of the classifier to train (:func:`~.provenance.complete_recipe`). The classifier
             that :meth:`run` returns has the same card with calibration and training added.
-        parts: Recordings by part.
-        store: Decoded files.
-        directory: The run folder.
         starts: By sense the trained networks that FusionNet starts from; empty for one sense.
-        loggers: Loggers of this network.
         watchers: Callbacks beside the configured ones.
         batches: The training batches, made by :meth:`run`.
         timer: Clock of the training steps.

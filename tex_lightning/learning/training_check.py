@@ -73,11 +73,7 @@ def _try_sense(config: Config, card: Card, source: str | None) -> Sense:
 def check_custom_parts(
     config: Config, card: Card, senses: Sequence[Sense], recordings: Recordings, store: Store
 ) -> None:
-    """Check the contracts of senses that have parts of a user's.
-
-    Raises:
-        UserError: If a part does not keep its contract.
-    """
+    """Check the contracts of senses that have parts of a user's."""
     model = config.model
     for sense in senses if model.baseline is None else ():
         name, augmentation = sense.name, model.fit_values(sense.name).get("augmentation")
@@ -87,22 +83,14 @@ def check_custom_parts(
 
 
 def check_sense(module: SurfaceModule, recordings: Recordings, store: Store) -> None:
-    """Check one sense: train it on two recordings, save it and load it again.
-
-    Raises:
-        UserError: If a part does not keep its contract.
-    """
+    """Check one sense: train it on two recordings, save it and load it again."""
     classifier, piece = module.classifier, module.pieces[module.kind]
     rebuilt, fit = _rebuilt(classifier), module.fit_config
     check_parts(classifier, rebuilt, fit, piece, recordings, store, module.change)
 
 
 def check_fitted_baseline(classifier: BaselineClassifier, recordings: Sequence[Tensor]) -> None:
-    """Check the outputs of a user's fitted baseline, and that its state restores them.
-
-    Raises:
-        UserError: If it does not keep its contract.
-    """
+    """Check the outputs of a user's fitted baseline, and that its state restores them."""
     if type(classifier.baseline).__module__.startswith(PACKAGE):
         return
     check_baseline(classifier, _rebuilt(classifier), recordings[:BATCH])
