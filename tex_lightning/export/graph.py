@@ -7,6 +7,7 @@ algebra, so that they can be traced at any size: nothing branches on a size that
 
 from collections.abc import Collection, Sequence
 from copy import deepcopy
+from functools import reduce
 from inspect import Parameter, Signature
 from typing import Any
 
@@ -111,15 +112,11 @@ def fused_scores(partials: Sequence[Tensor], draws: Tensor) -> Tensor:
         partials: Partial logits (classes, positions) of each sense.
         draws: int64 (K, senses); modulo the number of positions each word is a position.
     """
-    total, *others = (_drawn(partial, draws[:, i]) for i, partial in enumerate(partials))
-    for drawn in others:
-        total = total + drawn
-    return total
-
-
-def _drawn(partial: Tensor, words: Tensor) -> Tensor:
-    positions = torch.scalar_tensor(partial.shape[1], dtype=torch.int64)
-    return partial.index_select(1, torch.remainder(words, positions))
+    drawn = []
+    for number, partial in enumerate(partials):
+        positions = torch.scalar_tensor(partial.shape[1], dtype=torch.int64)
+        drawn.append(partial.index_select(1, torch.remainder(draws[:, number], positions)))
+    return reduce(torch.add, drawn)
 
 
 TRACED = ("vote", "mean", "score")  # rules that this module has a form of
