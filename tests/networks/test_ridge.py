@@ -42,7 +42,6 @@ def test_the_ridge_and_what_it_says_of_rows_that_it_has_not_seen_are_scikit_lear
     np.testing.assert_allclose(strength * products.size, ridge)
     for group in range(5):
         rest = torch.from_numpy(groups != group)
-        kernel = problem.kernel(products, 0, ridge, rest)
         weights = problem.weights(rest).numpy()
         middle, share = weights @ rows, weights @ np.eye(CLASSES)[labels]
         fitted = SklearnRidge(alpha=ridge, fit_intercept=False).fit(
@@ -50,7 +49,8 @@ def test_the_ridge_and_what_it_says_of_rows_that_it_has_not_seen_are_scikit_lear
             weights[rest],
         )  # fmt: skip
         expected = ((rows - middle) * kept) @ fitted.coef_.T + share
-        np.testing.assert_allclose(problem.scores(kernel, ridge, rest), expected, atol=1e-8)
+        scores = problem.scores(products, 0, ridge, rest)
+        np.testing.assert_allclose(scores, expected, atol=1e-8)
     weights, offset, _ = problem.solve(products, 0, ridge)
     np.testing.assert_allclose(weights.T, theirs.fit(centred, targets, weight).coef_, atol=1e-8)
     np.testing.assert_allclose(offset, 1 / CLASSES - weight @ rows @ weights.numpy(), atol=1e-8)
@@ -105,9 +105,9 @@ def test_scatter_within_recordings_is_a_metric_of_the_ridge(count):
     root = np.linalg.inv(np.linalg.cholesky(metric)).T
     plain = Ridge(torch.from_numpy(rows @ root), tensors[1], 2, torch.zeros(0, 8).double())
     every = torch.ones(count, dtype=torch.bool)
-    expected = plain.scores(plain.kernel(plain.products(torch.ones(8)), 0, 1, every), 1, every)
-    kernel = problem.kernel(products, within, ridge, every)
-    np.testing.assert_allclose(problem.scores(kernel, ridge, every), expected, atol=1e-9)
+    expected = plain.scores(plain.products(torch.ones(8)), 0, 1, every)
+    scores = problem.scores(products, within, ridge, every)
+    np.testing.assert_allclose(scores, expected, atol=1e-9)
     weights, offset, _ = problem.solve(products, within, ridge)
     np.testing.assert_allclose(tensors[0] @ weights + offset, expected, atol=1e-9)
 

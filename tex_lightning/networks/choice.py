@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import scipy  # whose parts are loaded when they are used
@@ -52,13 +54,13 @@ class Choice(NamedTuple):
         return float(self.errors.sum())
 
 
+@dataclass(frozen=True)
 class LineFit:
     """Linear discriminants of the scores of a ridge regression, and how its settings are chosen.
 
-    Args:
+    Attributes:
         ridge: Of the rows that settings are chosen on.
-        parts: (rows,) part in which each is left out; -1 for none.
-        units: (rows,) number of what each is left out with.
+        left_out: How these are left out.
         strength: Strength of the ridge, as a share of the mean squared length of a row; None
             chooses it.
         shrinkage: How far the scatter of scores within classes is taken for equal in every
@@ -66,18 +68,11 @@ class LineFit:
         weight: By which the changes count.
     """
 
-    def __init__(
-        self,
-        ridge: Ridge,
-        parts: Tensor,
-        units: Tensor,
-        *,
-        strength: float | None,
-        shrinkage: float,
-        weight: float,
-    ) -> None:
-        self.ridge, self.parts, self.units = ridge, parts, units
-        self.strength, self.shrinkage, self.weight = strength, shrinkage, weight
+    ridge: Ridge
+    left_out: LeftOut
+    strength: float | None
+    shrinkage: float
+    weight: float
 
     def choose(self, subsets: Iterable[Tensor]) -> Choice:
         """Choose the settings with the smallest error on the parts that are left out.
@@ -92,7 +87,7 @@ class LineFit:
         best = min(tried, key=lambda choice: choice.error)
         if not len(self.ridge.changes):
             return best
-        units = count_units(self.ridge.labels, self.units, self.ridge.classes).sum()
+        units = count_units(self.ridge.labels, self.left_out.units, self.ridge.classes).sum()
         return self._tried(best.products, self.weight * float(units) * best.ridge, best.ridge)
 
     def _best_strength(self, products: Products) -> Choice:
@@ -112,14 +107,9 @@ class LineFit:
         return choices[max(x for x, choice in choices.items() if choice.error <= TIE * least)]
 
     def _tried(self, products: Products, penalty: float, size: float) -> Choice:
-        ridge = self.ridge
-
-        def scores(rest: Tensor) -> Tensor:
-            return ridge.scores(ridge.kernel(products, penalty, size, rest), size, rest)
-
-        left_out = self._left_out(scores)
-        weights = ridge.weights(self.parts >= 0)
-        errors = weights * (left_out - ridge.targets).square().sum(dim=1)
+        left_out = self._left_out(partial(self.ridge.scores, products, penalty, size))
+        weights = self.ridge.weights(self.left_out.parts >= 0)
+        errors = weights * (left_out - self.ridge.targets).square().sum(dim=1)
         return Choice(products, penalty, size, left_out, errors)
 
     def _left_out(self, scores: Callable[[Tensor], Tensor]) -> Tensor:
@@ -127,9 +117,10 @@ class LineFit:
 
         ``scores`` gives those of all rows by a fit to those that are marked.
         """
-        left_out = torch.zeros(len(self.parts), self.ridge.classes).double()
-        for part in {*self.parts[self.parts >= 0].tolist()}:
-            out = self.parts == part
+        parts = self.left_out.parts
+        left_out = torch.zeros(len(parts), self.ridge.classes).double()
+        for part in {*parts[parts >= 0].tolist()}:
+            out = parts == part
             left_out[out] = scores(~out)[out]
         return left_out
 
@@ -139,19 +130,19 @@ class LineFit:
         What share of a score new recordings keep is measured by the parts that are left out, and
         with as few units as the smallest class has. It is None where classes need not differ.
         """
-        ridge = self.ridge
-        counts = count_units(ridge.labels, self.units, ridge.classes).clamp_min(1)
+        ridge, (parts, units) = self.ridge, self.left_out
+        counts = count_units(ridge.labels, units, ridge.classes).clamp_min(1)
         least = int(counts.min())
         larger = (counts > least).nonzero()[:MAX_THINNED, 0].tolist()
         if not larger or least >= MANY:
             return None, counts
         shares: list[tuple[float, float, float]] = []
         for label in larger:
-            members = torch.tensor(sorted({*self.units[ridge.labels == label].tolist()}))
-            out = (ridge.labels == label) & ~torch.isin(self.units, members[:least])
-            kernel = ridge.kernel(choice.products, choice.penalty, choice.ridge, ~out)
-            thinned = _share(ridge.scores(kernel, choice.ridge, ~out)[out], label)
-            divided = len({*self.parts[ridge.labels == label].tolist()})
+            members = torch.tensor(sorted({*units[ridge.labels == label].tolist()}))
+            out = (ridge.labels == label) & ~torch.isin(units, members[:least])
+            fewer = ridge.scores(choice.products, choice.penalty, choice.ridge, ~out)
+            thinned = _share(fewer[out], label)
+            divided = len({*parts[ridge.labels == label].tolist()})
             fitted = float(counts[label]) * (1 - 1 / divided)
             shares.append((thinned, _share(choice.scores[out], label), fitted))
         thinned, whole, fitted = (sum(x) / len(larger) for x in zip(*shares, strict=True))
@@ -165,8 +156,7 @@ class LineFit:
         ridge = self.ridge
 
         def scores(rest: Tensor) -> Tensor:
-            kernel = ridge.kernel(choice.products, choice.penalty, choice.ridge, rest)
-            found = ridge.scores(kernel, choice.ridge, rest)
+            found = ridge.scores(choice.products, choice.penalty, choice.ridge, rest)
             coefficients, intercept = self._discriminants(found[rest], ridge.labels[rest])
             return enlarged((found @ coefficients + intercept).T, factors).T
 
@@ -280,23 +270,20 @@ def fit_line(
         weight: Likewise.
     """
     some, nth = chosen_rows(labels, classes)
-    few, (parts, units) = labels[some] // nth, (x[some] for x in left_out)
+    few, tried = labels[some] // nth, LeftOut(*(x[some] for x in left_out))
     ridge = Ridge(rows[some], few, math.ceil(classes / nth), changes, levels)
-    fit = LineFit(
-        ridge, parts, units, strength=strength, shrinkage=shrinkage, weight=weight
-    )  # fmt: skip
+    fit = LineFit(ridge, tried, strength, shrinkage, weight)
     choice = fit.choose(subsets)
     one, counts = fit.reliability(choice)
     factors = factors_of(one, counts)
     scores = fit.left_out_scores(choice, factors)
     whole = Ridge(rows, labels, classes, changes, levels)
     if nth == 1 and len(labels) < MANY_ROWS:
-        sharpness = sharpness_of(scores, few, parts, SHARPNESS)
+        sharpness = sharpness_of(scores, few, tried.parts, SHARPNESS)
     else:
         factors = factors_of(one, count_units(labels, left_out.units, classes))
         sharpness = fit.sharpness_of_one_part(whole, left_out.parts, choice, factors)
-    tried = Tried(some, few, LeftOut(parts, units), scores)
-    return Line(tried, *fit.solve(whole, choice), factors * sharpness)
+    return Line(Tried(some, few, tried, scores), *fit.solve(whole, choice), factors * sharpness)
 
 
 def factors_of(one: float | None, counts: Tensor) -> Tensor:

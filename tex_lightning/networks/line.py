@@ -88,20 +88,19 @@ class GainlessLine(FittedLater):
             weight=(classes, bands, 1, 1), bias=(classes,), direction=(bands,), limits=(2,)
         )
 
-    def fit(self, usual: Line, other: Line | None, rows: Tensor, share: Tensor) -> None:
+    def fit(self, usual: Line, other: Line, rows: Tensor, share: Tensor) -> None:
         """Use a line without what depends on the gain, if it tells the classes apart, too.
 
         Where levels alone tell them, as those of a pressure, no other scores take their place.
 
         Args:
             usual: The line of all features.
-            other: That of the features before the levels; None uses none.
+            other: That of the features before the levels.
             rows: (rows, D) training rows as the usual line gets them, the levels last.
             share: Of each feature in the length of a row (D,).
         """
-        self.take(None)
-        right, with_levels = other.tried.right if other else 0, usual.tried.right
-        if other is None or not right or right < SUFFICES * with_levels - CHANCE * with_levels**0.5:
+        right, with_levels = other.tried.right, usual.tried.right
+        if not right or right < SUFFICES * with_levels - CHANCE * with_levels**0.5:
             return
         levels = len(usual.whitening)
         before, last = len(share) - levels, max(1, levels // 2)
@@ -194,6 +193,12 @@ class LineOrPlanes(nn.Sequential):
         parts = [("0", gate), ("range", FeatureRange(bands)), ("planes", ClassPlanes(*sizes))]
         parts += [(SHORT, ShortLine(*sizes)), (GAINLESS, GainlessLine(*sizes))]
         super().__init__(OrderedDict([*parts, ("reach", ScoreReach(bands)), ("1", layer)]))
+
+    def forget(self) -> None:
+        """Use nothing beside gate and layer."""
+        for part in self.children():
+            if isinstance(part, FittedLater):
+                part.take(None)
 
     @property
     def gate(self) -> RangeGate:

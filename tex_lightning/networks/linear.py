@@ -229,12 +229,17 @@ class LinearNet(nn.Module):
         scores, most = self.scores, int(usual * SHORT_PART)
         scores.gate.limits.copy_(scores.gate.limits_of(rows))
         scores.gate.fragments.fill_(usual if whole else 1)
-        scores.planes.take(None)
+        scores.forget()
         if whole and usual >= 2:
             self._fit_planes(examples, line)
-        scores.gainless.fit(line, gainless if scores.is_linear else None, rows, share)
-        self._fit_range(examples, rows, most)
-        self._fit_short(examples, most)
+        if not scores.is_linear:
+            return
+        if gainless:
+            scores.gainless.fit(line, gainless, rows, share)
+        if not self.levels:  # which tell much by their range
+            self._fit_range(examples, rows, most)
+        if self.cuts and most:
+            self._fit_short(examples, most)
         self._fit_reach(examples, rows, share.square())
 
     def _lines(
@@ -268,16 +273,10 @@ class LinearNet(nn.Module):
         return line, fitted(rows[:, others], changes=changes, subsets=subsets, levels=0)
 
     def _fit_range(self, examples: Examples, rows: Tensor, most: int) -> None:
-        """Fit the range of the features, where no levels count, which tell much by it.
+        """Fit the range of the features to rows (rows, D) of recordings, or of their fragments.
 
-        Args:
-            examples: Recordings.
-            rows: Standardised training rows (rows, D) of them, or of their fragments.
-            most: Fragments of the longest recording that is short.
+        ``most`` fragments has the longest recording that is short.
         """
-        self.scores.range.take(None)
-        if not self.scores.is_linear or self.levels:
-            return
         if len(rows) != len(examples.inputs):
             every = torch.split(rows, [features.shape[-1] for features in examples.inputs])
             rows = torch.stack([fragments.mean(dim=0) for fragments in every])
@@ -286,9 +285,7 @@ class LinearNet(nn.Module):
     def _fit_planes(self, examples: Examples, line: Line) -> None:
         """Fit planes of the classes in one of the blocks of means, if they clearly beat the line.
 
-        Args:
-            examples: Recordings, each of which was a row.
-            line: The line.
+        Each of the recordings was a row of the line.
         """
         mean, scale = (x.double().cpu()[:, :, 0] for x in (self.mean, self.scale))
         ends = self.sizes.cumsum(dim=0).tolist()
@@ -305,15 +302,9 @@ class LinearNet(nn.Module):
         self.scores.planes.fit_if_better(cut, spans, examples.labels, line.tried)
 
     def _fit_short(self, examples: Examples, most: int) -> None:
-        """Fit the line of short recordings to pieces of recordings beside the whole ones.
-
-        Args:
-            examples: Recordings with their pieces.
-            most: Fragments of the longest recording that is short.
-        """
-        self.scores.short.take(None)
-        used = self.cuts and most and self.scores.is_linear
-        if not used or (given := examples.with_pieces()) is None:
+        """Fit the line of recordings of up to ``most`` fragments to pieces beside whole ones."""
+        given = examples.with_pieces()
+        if given is None:
             return
         other = LinearNet(
             self.classes, bands=len(self.mean), blocks=self.blocks, strength=self.strength,
@@ -324,17 +315,11 @@ class LinearNet(nn.Module):
         self.scores.short.take({"weight": weight, "bias": bias, "most": torch.tensor(float(most))})
 
     def _fit_reach(self, examples: Examples, rows: Tensor, share: Tensor) -> None:
-        """Fit how far out recordings lie that scores are sure of.
+        """Fit how far out recordings lie that scores are sure of, to pieces, or to rows (rows, D).
 
-        Args:
-            examples: Recordings with their pieces.
-            rows: Standardised training rows (rows, D).
-            share: Of each feature in the squared length of a row (D,).
+        ``share`` is that of each feature in the squared length of a row (D,).
         """
         reach, gate = self.scores.reach, self.scores.gate
-        reach.take(None)
-        if not self.scores.is_linear:
-            return
         lengths: dict[int, float] = {}  # of the longest piece of each
         for number, piece in examples.pieces:
             mean = self.features(piece.mean(dim=2)[None, :, :, None], "fc2")

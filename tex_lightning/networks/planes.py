@@ -15,6 +15,7 @@ from torch import Tensor, nn
 
 from tex_lightning.networks.blocks import FittedLater
 from tex_lightning.networks.choice import SHARPNESS, Tried, sharpness_of
+from tex_lightning.networks.rows import count_units
 
 DIRECTIONS = 2  # in which a class reaches far: a stroke varies in speed and force
 POOLED = 12.0  # fragments that the scatter of all classes together counts for, in each of them
@@ -93,6 +94,9 @@ class ClassPlanes(FittedLater):
     ) -> None:
         """Use planes in some of the features, if they clearly beat a line.
 
+        Recordings are left out of their fit as of that of the line. Where classes have few of them,
+        what is left out is like what is fitted to, and tells nothing of how far a class reaches.
+
         Args:
             fragments: Returns these features of recordings by their numbers, (L, size of the span)
                 float64 each.
@@ -100,17 +104,20 @@ class ClassPlanes(FittedLater):
             labels: (recordings,) class indices.
             line: What the line gave for left-out recordings.
         """
-        few, (parts, units) = line.labels, line.left_out
-        tried = (fragments(span, line.some.tolist()) for span in spans)
-        chosen = clearly_better_planes(tried, few, parts, units, line.scores)
-        if chosen is None:
+        classes = line.scores.shape[1]
+        units = count_units(line.labels, line.left_out.units, classes)
+        ideal = nn.functional.one_hot(line.labels, classes)
+        if units.median() < MIN_UNITS or not _gain(ideal, line) > CLEARLY:
             return
-        number, scores = chosen
-        every = fragments(spans[number], range(len(labels)))
-        fitted = fit_planes(every, labels, line.scores.shape[1])
+        tried = [left_out_planes(fragments(span, line.some.tolist()), line) for span in spans]
+        gains = [_gain(scores, line) for scores in tried]
+        best = max(range(len(tried)), key=gains.__getitem__, default=None)
+        if best is None or gains[best] <= CLEARLY:
+            return
+        fitted = fit_planes(fragments(spans[best], range(len(labels))), labels, classes)
         wide = torch.zeros(len(fitted.projection), self.bands).double()
-        wide[:, spans[number]] = fitted.projection
-        sharpness = sharpness_of(scores, few, parts, 1 / SHARPNESS)
+        wide[:, spans[best]] = fitted.projection
+        sharpness = sharpness_of(tried[best], line.labels, line.left_out.parts, 1 / SHARPNESS)
         self.fit(fitted._replace(projection=wide), sharpness)
 
 
@@ -161,58 +168,29 @@ def _projection(fragments: Sequence[Tensor], rows: Tensor) -> Tensor:
     return cast(Tensor, (white @ main[:, -LARGEST:]).T)
 
 
-def left_out_planes(
-    fragments: Sequence[Tensor], labels: Tensor, parts: Tensor, classes: int
-) -> Tensor:
+def left_out_planes(fragments: Sequence[Tensor], line: Tried) -> Tensor:
     """Return mean scores (recordings, classes) by a fit without each one's part, else 0.
 
     Args:
-        fragments: (L, D) float64 of each recording.
-        labels: (recordings,) class indices.
-        parts: (recordings,) part in which each is left out; -1 for none.
-        classes: Number of classes.
+        fragments: (L, D) float64 of each recording that the line was tried on.
+        line: How these are left out.
     """
-    scores = torch.zeros(len(labels), classes).double()
+    labels, parts, scores = line.labels, line.left_out.parts, torch.zeros_like(line.scores)
     for part in {*parts[parts >= 0].tolist()}:
         rest, out = parts != part, (parts == part).nonzero()[:, 0].tolist()
-        fitted = fit_planes([*itertools.compress(fragments, rest.tolist())], labels[rest], classes)
+        others = [*itertools.compress(fragments, rest.tolist())]
+        fitted = fit_planes(others, labels[rest], scores.shape[1])
         for number in out:
             scores[number] = fitted.scores(fragments[number].T).mean(dim=1)
     return scores
 
 
-def clearly_better_planes(
-    choices: Iterable[Sequence[Tensor]], labels: Tensor, parts: Tensor, units: Tensor, rival: Tensor
-) -> tuple[int, Tensor] | None:
-    """Return which features have the best planes, and their scores, if they clearly beat a rival.
+def _gain(scores: Tensor, line: Tried) -> float:
+    """Return how many more left-out rows are right by scores than by a line's, in standard errors.
 
-    Recordings are left out of the fit, of the rival's likewise. Where classes have few of them,
-    what is left out is like what is fitted to, and tells nothing of how far a class reaches.
-
-    Args:
-        choices: For each choice of features, (L, D) float64 of each recording.
-        labels: (recordings,) class indices.
-        parts: (recordings,) part in which each is left out; -1 for none.
-        units: (recordings,) number of what each is left out with.
-        rival: Scores (recordings, classes).
-
-    Returns:
-        Number of the choice, and mean scores (recordings, classes); None if the rival is as good.
+    Scores are (rows, classes), of the rows that the line was tried on.
     """
-    classes, some = rival.shape[1], parts >= 0
-    known = {*zip(labels.tolist(), units.tolist(), strict=True)}
-    members = torch.tensor([label for label, _ in known]).bincount(minlength=classes)
-    ideal = nn.functional.one_hot(labels, classes)
-    if members.median() < MIN_UNITS or not _gain(ideal, rival, labels, some) > CLEARLY:
-        return None
-    tried = [left_out_planes(fragments, labels, parts, classes) for fragments in choices]
-    gains = [_gain(scores, rival, labels, some) for scores in tried]
-    best = max(range(len(tried)), key=gains.__getitem__, default=None)
-    return None if best is None or gains[best] <= CLEARLY else (best, tried[best])
-
-
-def _gain(scores: Tensor, others: Tensor, labels: Tensor, some: Tensor) -> float:
-    """Return how many more rows are right by scores than by others, in standard errors."""
-    right, other = (x.argmax(dim=1)[some] == labels[some] for x in (scores, others))
+    some = line.left_out.parts >= 0
+    right, other = (x.argmax(dim=1)[some] == line.labels[some] for x in (scores, line.scores))
     gained, lost = int((right & ~other).sum()), int((other & ~right).sum())
     return (gained - lost) / math.sqrt(max(1, gained + lost))

@@ -78,8 +78,8 @@ class Ridge:
             kept, others @ others.T, across, directions, variances, float(size) / len(rows)
         )
 
-    def kernel(self, products: Products, penalty: float, ridge: float, some: Tensor) -> Tensor:
-        """Return products (rows, rows) after what a fit to some rows does to the features.
+    def scores(self, products: Products, penalty: float, ridge: float, some: Tensor) -> Tensor:
+        """Return the scores (rows, classes) of all rows by a fit to some of them.
 
         Args:
             products: Of the features in use.
@@ -87,7 +87,7 @@ class Ridge:
             ridge: The ridge.
             some: (rows,) whether each row is fitted to.
         """
-        kernel = products.gram
+        kernel = products.gram  # then as after what the fit does to the features
         if penalty:
             variances = penalty * products.variances
             kernel = (
@@ -97,10 +97,6 @@ class Ridge:
             levels = self.rows[:, -self.levels :]
             levels = levels @ equal_scatter(levels[some], self.labels[some])
             kernel = kernel + levels @ levels.T
-        return kernel
-
-    def scores(self, kernel: Tensor, ridge: float, some: Tensor) -> Tensor:
-        """Return the scores (rows, classes) of all rows by a fit to some of them."""
         weights = self.weights(some)
         mean = kernel @ weights
         centred = kernel - mean - mean[:, None] + weights @ mean

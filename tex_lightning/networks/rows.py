@@ -16,16 +16,7 @@ Pair = tuple[Tensor, Tensor]
 
 
 class Examples(NamedTuple):
-    """What a network is fitted to.
-
-    Attributes:
-        inputs: Features (1, D, L) of each recording.
-        labels: (recordings,) class indices.
-        groups: Group of each recording; None takes each by itself.
-        recordings: Number of the recording that each input is a version of.
-        pieces: Numbers of inputs, and the features of a short piece of each.
-        disturbed: Features of recordings, and of the same with a change that changes no class.
-    """
+    """What a LinearNet is fitted to: the arguments of its method ``fit``."""
 
     inputs: Sequence[Tensor]
     labels: Tensor
@@ -87,15 +78,10 @@ def training_rows(examples: Examples) -> tuple[Tensor, Tensor, LeftOut]:
 
 
 def unit_changes(disturbed: Sequence[Pair], scale: Tensor, levels: int) -> Tensor:
-    """Return by how much disturbed rows differ, each of length one: (changes, D).
+    """Return by how much disturbed rows times ``scale`` (D,) differ, of length one: (changes, D).
 
-    Kinds of disturbance count alike then, whether they are strong or weak. Levels, which a
-    disturbance need not keep, count nothing.
-
-    Args:
-        disturbed: As of :class:`Examples`.
-        scale: By which features are multiplied (D,).
-        levels: Number of the last features, which are levels.
+    Kinds of disturbance count alike then, whether they are strong or weak. The last features, so
+    many levels, which a disturbance need not keep, count nothing.
     """
     pairs = [[x[0].double().cpu().mean(dim=1) for x in pair] for pair in disturbed]
     changes = torch.zeros(len(pairs), len(scale)).double()
