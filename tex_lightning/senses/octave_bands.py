@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.core.devices import is_at_hand
-from tex_lightning.senses.features.spectrogram import mean_filters, triangles
+from tex_lightning.senses.features.spectrogram import mean_filters
 from tex_lightning.senses.moments import Moments
 from tex_lightning.senses.usual_bands import UsualBands
 
@@ -244,30 +244,14 @@ def compared(bands: Tensor, mean: Tensor, gap: int, kinds: int) -> Tensor:
 
 
 def octave_filters(sampling_rate: float, samples: int, per_octave: int) -> Tensor:
-    """Return triangles, even in the logarithm of frequency, that average the power of each band.
+    """Return :func:`mean_filters` of bands even in octaves, each between its neighbours' centres.
 
-    A triangle reaches to the centres of its neighbours, and at least to the neighbouring channels
-    of the transform, so that every band has one; none has the constant part.
-
-    Args:
-        sampling_rate: Sampling rate in Hz.
-        samples: Length of the transform.
-        per_octave: Bands in an octave.
-
-    Returns:
-        (bands, samples // 2 + 1), not negative, rows summing to 1; from one period of the window up
-        to half the rate.
+    They are from one period of the window up to half the rate, and none has the constant part.
     """
-    channel = sampling_rate / samples
-    bands = count_bands(samples, per_octave)
-    centres = channel * 2 ** (torch.arange(bands, dtype=torch.float64)[:, None] / per_octave)
-    step = 2 ** (1 / per_octave)
-    below = torch.minimum(centres / step, centres - channel)
-    above = torch.maximum(centres * step, centres + channel)
-    frequencies = torch.arange(samples // 2 + 1, dtype=torch.float64) * channel
-    heights = triangles(frequencies, below, centres, above)
-    heights[:, 0] = 0
-    return mean_filters(heights)
+    steps = torch.arange(count_bands(samples, per_octave), dtype=torch.float64)
+    centres, step = sampling_rate / samples * 2 ** (steps / per_octave), 2 ** (1 / per_octave)
+    below, above = centres / step, centres * step
+    return mean_filters(sampling_rate, samples, below, centres, above, constant=False)
 
 
 def _ordered(rows: Tensor) -> Tensor:

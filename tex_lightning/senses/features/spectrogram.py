@@ -33,44 +33,46 @@ def mel_centres(sampling_rate: float, bands: int) -> Tensor:
 
 
 def mel_filters(sampling_rate: float, samples: int, bands: int) -> Tensor:
+    """Return :func:`mean_filters` of bands, each from the centre of the one below to the next."""
+    centres = mel_centres(sampling_rate, bands)
+    ends = torch.tensor([0, sampling_rate / 2], dtype=torch.float64)
+    below, above = torch.cat((ends[:1], centres[:-1])), torch.cat((centres[1:], ends[1:]))
+    return mean_filters(sampling_rate, samples, below, centres, above)
+
+
+def mean_filters(
+    sampling_rate: float,
+    samples: int,
+    below: Tensor,
+    centres: Tensor,
+    above: Tensor,
+    *,
+    constant: bool = True,
+) -> Tensor:
     """Return triangles that take the mean power of each band from that of the Fourier channels.
 
-    A triangle reaches from the centre of the band below to that of the band above, and at least to
-    the neighbouring channels, so that every band has one.
+    A triangle reaches at least to the neighbouring channels, so that every band has one.
 
     Args:
         sampling_rate: Sampling rate in Hz.
         samples: Length of the transform.
-        bands: Number of bands.
+        below: Frequency in Hz (bands,), float64, at which each triangle rises from 0.
+        centres: Where it is highest.
+        above: Where it has fallen to 0 again.
+        constant: Whether the constant part counts.
 
     Returns:
-        (bands, samples // 2 + 1), not negative, rows summing to 1.
+        (bands, samples // 2 + 1), not negative, float32, rows summing to 1.
     """
     channel = sampling_rate / samples
     frequencies = torch.arange(samples // 2 + 1, dtype=torch.float64) * channel
-    centres = mel_centres(sampling_rate, bands)
-    ends = torch.tensor([0, sampling_rate / 2], dtype=torch.float64)
-    below = torch.minimum(torch.cat((ends[:1], centres[:-1])), centres - channel)[:, None]
-    above = torch.maximum(torch.cat((centres[1:], ends[1:])), centres + channel)[:, None]
-    return mean_filters(triangles(frequencies, below, centres[:, None], above))
-
-
-def triangles(frequencies: Tensor, below: Tensor, centres: Tensor, above: Tensor) -> Tensor:
-    """Return heights (bands, channels) of triangles that rise from 0 to 1 and fall to 0 again.
-
-    Args:
-        frequencies: (channels,) in Hz.
-        below: (bands, 1) where each begins.
-        centres: (bands, 1) where it is 1.
-        above: (bands, 1) where it ends.
-    """
-    rising = (frequencies - below) / (centres - below)
-    falling = (above - frequencies) / (above - centres)
-    return torch.minimum(rising, falling).clamp(min=0)
-
-
-def mean_filters(heights: Tensor) -> Tensor:
-    """Return heights (bands, channels) as weights of a mean, float32, rows summing to 1."""
+    below = torch.minimum(below, centres - channel)[:, None]
+    above = torch.maximum(above, centres + channel)[:, None]
+    rising = (frequencies - below) / (centres[:, None] - below)
+    falling = (above - frequencies) / (above - centres[:, None])
+    heights = torch.minimum(rising, falling).clamp(min=0)
+    if not constant:
+        heights[:, 0] = 0
     return (heights / heights.sum(dim=1, keepdim=True)).float()
 
 
