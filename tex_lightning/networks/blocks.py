@@ -52,6 +52,13 @@ class Window(NamedTuple):
         """Return the max pooling of this geometry."""
         return nn.MaxPool2d(self.kernel, self.stride, self.padding, ceil_mode=self.ceil)
 
+    def average_pool(self) -> nn.Sequential:
+        """Return the average over its places: over rows, then columns, by far fewer additions."""
+        return nn.Sequential(
+            nn.AvgPool2d((self.kernel, 1), (self.stride, 1)),
+            nn.AvgPool2d((1, self.kernel), (1, self.stride)),
+        )
+
 
 class SameConv2d(nn.Conv2d):
     """Convolution padded like TensorFlow's "same" at even sizes, whatever the size.
@@ -59,12 +66,7 @@ class SameConv2d(nn.Conv2d):
     At a stride of 2 TensorFlow divides the padding by the parity of the size, which moves the whole
     grid with one more row or column: no crop would see what it sees in its image.
 
-    Args:
-        inputs: Channels.
-        outputs: Channels.
-        window: Made by :meth:`geometry`.
-        groups: Channels that are filtered apart from each other.
-        bias: Whether there is one.
+    Its window is made by :meth:`geometry`, and its other arguments are PyTorch's.
 
     Attributes:
         beyond: Zeros below and to the right, besides ``padding``.
@@ -264,6 +266,10 @@ class FittedLater(nn.Module):
         like = self.get_buffer(self.names[0])
         for name in self.names:
             setattr(self, name, (torch.zeros(0) if values is None else values[name]).to(like))
+        self.note()
+
+    def note(self) -> None:
+        """Note what is asked often of the values, which were taken or loaded; nothing here."""
 
     def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *rest: Any) -> None:  # noqa: ANN401
         """Take the sizes of what is loaded; checkpoints of before have none."""
@@ -278,6 +284,7 @@ class FittedLater(nn.Module):
         for name, value in zip(self.names, given, strict=True):
             setattr(self, name, torch.zeros_like(value, device=like.device))
         super()._load_from_state_dict(state, prefix, *rest)
+        self.note()
 
 
 def _has_shape(value: Tensor, shape: Sequence[int | str], sizes: dict[str, int]) -> bool:

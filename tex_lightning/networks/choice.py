@@ -61,10 +61,8 @@ class LineFit:
     Attributes:
         ridge: Of the rows that settings are chosen on.
         left_out: How these are left out.
-        strength: Strength of the ridge, as a share of the mean squared length of a row; None
-            chooses it.
-        shrinkage: How far the scatter of scores within classes is taken for equal in every
-            direction: the fewer rows there are for each class, the further.
+        strength: As of a LinearNet.
+        shrinkage: Likewise.
         weight: By which the changes count.
     """
 
@@ -79,9 +77,7 @@ class LineFit:
 
         Then the changes are added. What is left out has none of them, and could not tell their
         weight: it grows with the units of all classes, as the ridge falls with the number of rows.
-
-        Args:
-            subsets: Which features (D,) may be used together, 1 or 0 each.
+        ``subsets`` say which features (D,) may be used together, by 1 or 0 each.
         """
         tried = (self._best_strength(self.ridge.products(kept)) for kept in subsets)
         best = min(tried, key=lambda choice: choice.error)
@@ -179,14 +175,8 @@ class LineFit:
     ) -> float:
         """Return the scale of scores as :func:`sharpness_of` does, by the largest part alone.
 
-        The classes are too many for a fit without each part, or the rows: by more of these scores
-        become smaller.
-
-        Args:
-            ridge: Of the rows of all classes.
-            parts: (rows,) part of each.
-            choice: The settings.
-            factors: As of :func:`enlarged`.
+        The classes are too many for a fit without each of the ``parts`` (rows,) of a ridge of all
+        classes, or the rows: by more of these scores become smaller.
         """
         out = parts == parts[parts >= 0].mode().values
         labels = ridge.labels
@@ -289,9 +279,7 @@ def fit_line(
 def factors_of(one: float | None, counts: Tensor) -> Tensor:
     """Return by how much the scores of each class are enlarged (classes,), at least 1.
 
-    Args:
-        one: Reliability of the score that one unit gives; None enlarges none.
-        counts: Units (classes,) of each class.
+    That is by the reliability of ``one`` unit's score, and the units (classes,) of each class.
     """
     if one is None:
         return torch.ones(len(counts)).double()
@@ -307,11 +295,7 @@ def enlarged(scores: Tensor, factors: Tensor) -> Tensor:
 def sharpness_of(left_out: Tensor, labels: Tensor, parts: Tensor, about: float) -> float:
     """Return the scale under which left-out scores (rows, classes) are as confident as correct.
 
-    Args:
-        left_out: Scores of each row by a fit without its part.
-        labels: (rows,) class indices.
-        parts: (rows,) part in which each row is left out; -1 for none.
-        about: A tenth to ten times of which it is.
+    It is a tenth to ten times ``about``. Rows whose part is -1 were not left out.
     """
     scores = [*(about * left_out[parts >= 0][:, :, None])]
     return about / fit_temperature(scores, labels[parts >= 0].tolist())
@@ -323,7 +307,7 @@ def _share(scores: Tensor, label: int) -> float:
 
 
 def fit_temperature(logits: Sequence[Tensor], labels: Sequence[int]) -> float:
-    """Return the temperature under which mean probabilities over fragments fit the labels best.
+    """Return the temperature, 0.1 to 10, under which fragments' mean probabilities fit labels best.
 
     It minimises the cross entropy against labels that are softened as Platt (1999) does: with n
     samples the true class has (n + 1) / (n + 2), and the others share the rest. A network
@@ -332,9 +316,6 @@ def fit_temperature(logits: Sequence[Tensor], labels: Sequence[int]) -> float:
     Args:
         logits: (classes, fragments) of each sample.
         labels: True class of each.
-
-    Returns:
-        From 0.1 to 10.
     """
     logits = [with_float64(scores) for scores in logits]
     classes, count = len(logits[0]), len(labels)

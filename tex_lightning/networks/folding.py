@@ -90,14 +90,16 @@ def fold_batch_norm(network: nn.Module, source: nn.Module | None = None) -> int:
             before = place - 2 if place and type(given[place - 1]) is nn.MaxPool2d else place - 1
             if before < 0 or not _foldable(given[before], given[place]):
                 continue
-            pattern = [given[index] for index in range(before, place + 1)]
-            scale, shift = _affine(pattern[-1])
-            if all(uses[id(part)] == 1 for part in _parts(pattern[0], pattern[-1])) and (
-                len(pattern) == 2 or _commutes(pattern[1], scale)
-            ):
-                _scale(pattern[0], scale, shift, layers[before])
-                setattr(layers, name, nn.Identity())
-                folded += 1
+            conv, *pools, norm = (given[index] for index in range(before, place + 1))
+            parts = conv, norm, *conv.parameters(), *norm.parameters()
+            scale, shift = _affine(norm)
+            if any(uses[id(part)] > 1 for part in parts):
+                continue
+            if any(_has_hooks(pool) or pool.return_indices or (scale <= 0).any() for pool in pools):
+                continue
+            _scale(conv, scale, shift, layers[before])
+            setattr(layers, name, nn.Identity())
+            folded += 1
     return folded
 
 
@@ -115,11 +117,6 @@ def _foldable(conv: Any, norm: Any) -> bool:  # noqa: ANN401
     )
 
 
-def _commutes(pool: Any, scale: Tensor) -> bool:  # noqa: ANN401
-    """Return whether a maximum commutes with a multiplication by ``scale`` (channels,)."""
-    return not (_has_hooks(pool) or pool.return_indices or bool((scale <= 0).any()))
-
-
 def _has_hooks(layer: nn.Module) -> bool:
     """Return whether something is computed around a layer, as by old forms of weight norm."""
     return bool(layer._forward_hooks or layer._forward_pre_hooks)
@@ -130,13 +127,6 @@ def _uses(network: nn.Module) -> Counter[int]:
     modules = (part for _, part in network.named_modules(remove_duplicate=False))
     parameters = (part for _, part in network.named_parameters(remove_duplicate=False))
     return Counter(map(id, chain(modules, parameters)))
-
-
-def _parts(*layers: nn.Module) -> Iterator[object]:
-    """Yield layers and their parameters."""
-    for layer in layers:
-        yield layer
-        yield from layer.parameters()
 
 
 def sequences(network: nn.Module) -> Iterator[nn.Sequential]:

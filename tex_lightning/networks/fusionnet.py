@@ -76,31 +76,25 @@ class FusionLayer(nn.Module):
             raise ValueError(
                 f"tuples is needed for {counts} positions; without it every input must give one."
             )
-        total, *others = parts
-        for part in others:
-            total = total + part
-        return total
+        first, *others = parts
+        return sum(others, first)
 
     def project(self, index: int, features: Tensor) -> Tensor:
         """Return partial logits (B, classes, L) from features (B, D, L) of the sense ``index``."""
         weight = torch.split(self.head.weight, self.sizes, dim=1)[index]
         partial_logits = torch.matmul(weight, features)
-        return (
-            partial_logits + self.head.bias[:, None]
-            if index == len(self.sizes) - 1
-            else partial_logits
-        )
+        if index == len(self.sizes) - 1:
+            partial_logits = partial_logits + self.head.bias[:, None]
+        return partial_logits
 
     @torch.no_grad()
     def start_from_scores(self, *networks: nn.Module) -> None:
-        """Set the head to the sum of the class scores of trained networks.
+        """Set the head to the sum of the class scores of the trained networks of all senses.
 
         Given the class, what the senses say is independent, so that their probabilities multiply
         and their scores add. Fusion then begins with what all networks know, weighted by how sure
         they are, and need not learn it anew from samples that all have seen and find equally easy.
 
-        Args:
-            *networks: Those of all senses, with their score layers.
         """
         weights, bias = [], torch.zeros_like(self.head.bias)
         for network, level in zip(networks, self.levels, strict=True):
@@ -190,20 +184,14 @@ class FusionNet(FusionLayer):
         self.remove_scores(self.networks)
 
     def forward(self, *inputs: Tensor, tuples: Tensor | None = None) -> Tensor:
-        """Return class scores before softmax, (B, classes, P).
+        """Return class scores before softmax (B, classes, P) of the network input of each sense.
 
-        Args:
-            *inputs: Network input of each sense.
-            tuples: Tuples of positions, see :meth:`fuse`.
+        Which positions ``tuples`` are is said by :meth:`fuse`.
         """
         return self.fuse(self.parts(*inputs), tuples)
 
     def parts(self, *inputs: Tensor) -> list[Tensor]:
-        """Return the partial logits of the class scores for every position of every sense.
-
-        Returns:
-            One (B, classes, positions) for each sense, the last with the bias.
-        """
+        """Return partial logits (B, classes, positions) of each sense, the last with the bias."""
         partials = []
         for index, x in enumerate(inputs):
             network: Any = self.networks[index]

@@ -25,7 +25,8 @@ MAX_ELEMENTS = 1 << 22  # of an input that is tried
 MARGINS = 2  # receptive fields along an axis of a piece; of less, most is computed several times
 Layers = tuple[Sequence[Window], Sequence[Window]]  # along rows and along columns
 Run = Callable[[Tensor], Tensor]  # (1, C, H, W) to (1, D, M, N)
-Span = tuple[slice, slice, slice]  # of a piece: input read, output given, the same in its own
+# Of a piece: elements of the input that it reads, positions that it gives, these in its own output.
+Span = tuple[slice, slice, slice]
 
 
 @dataclass(frozen=True)
@@ -84,12 +85,12 @@ def geometry_of(
 
 
 def layer_geometry(
-    network: nn.Module, window: tuple[int, int] | None = None, height: int | None = None
+    network: nn.Module, window: tuple[int, int] | None, height: int | None
 ) -> Geometry:
     """Return the geometry that the convolutions and poolings of a network tell.
 
     Args:
-        network: A network, or a part of one, whose layers run in the order of its modules.
+        network: A network whose layers run in the order of its modules.
         window: Height and width that are meant to give exactly one position; where they do not, the
             smallest input is the window.
         height: Height of every input; None where it varies.
@@ -145,11 +146,9 @@ def _holds(network: Any, geometry: Geometry, example: Tensor, axis: int, more: i
 
 
 def layer_windows(network: nn.Module, axis: int) -> list[Window]:
-    """Return the geometry along one axis of every convolution and pooling of a network, in order.
+    """Return the geometry of every convolution and pooling of a network or a part, in order.
 
-    Args:
-        network: A network or a part of one.
-        axis: 0 for bands and rows, 1 for frames and columns.
+    It is that along an axis: 0 for bands and rows, 1 for frames and columns.
     """
     windows = []
     for layer in network.modules():
@@ -185,29 +184,18 @@ def smallest_side(windows: Sequence[Window], places: int = 1) -> int:
 
 
 def affordable(windows: Layers, most: int | None) -> int | None:
-    """Return the largest H * W of a piece, raised where a piece would be mostly margin.
+    """Return the largest H * W of a piece, ``most`` unless a piece would be mostly margin.
 
     The receptive field of EfficientNet-Lite2 is 1307 pixels along each axis: with pieces of two
     million pixels, a photo of eight million would be computed 178 times over.
-
-    Args:
-        windows: The layers along H and along W.
-        most: The requested size; None does not divide.
     """
     return most and max(most, prod(MARGINS * receptive_field(axis) for axis in windows))
 
 
 def split_axis(windows: Sequence[Window], size: int, pieces: int) -> list[Span]:
-    """Divide the output along one axis into ``pieces``.
+    """Divide the output along one axis, of ``size`` elements of the input, into ``pieces``.
 
-    Args:
-        windows: The layers along this axis.
-        size: Elements of the input.
-        pieces: At least 1 and at most the number of output positions.
-
-    Returns:
-        For every piece the elements of the input that it reads, the positions that it gives, and
-        where these stand in its own output.
+    These are at least 1 and at most the number of output positions.
     """
     count = side_after(windows, size)
     stride = prod(window.stride for window in windows)

@@ -18,6 +18,7 @@ from tex_lightning.networks.blocks import (
     response_norm,
     scaled,
 )
+from tex_lightning.networks.geometry import layer_windows, side_after
 
 POOL = Window(2, 2, ceil=True)
 CHANNELS = (50, 100, 150, 200)
@@ -94,15 +95,12 @@ class HapticNet(nn.Module):
         return self.features(x, "fc3")
 
     def features(self, x: Tensor, level: Level) -> Tensor:
-        """Return the features that fusion samples from.
+        """Return the features (B, D, L) that fusion samples from, L as in ``output_size(50, T)``.
 
         Args:
             x: Spectrogram (B, 1, 50, T), no smaller than ``min_size``.
             level: "fc2" for the activations of the last hidden layer after ReLU, "fc3" for the
                 class scores before softmax.
-
-        Returns:
-            (B, D, L) with the channels of that layer as D and L as in ``output_size(50, T)``.
         """
         scores: Tensor = self.head(self.trunk(x), level)
         return scores.squeeze(2)
@@ -114,6 +112,5 @@ class HapticNet(nn.Module):
 
     def output_size(self, bands: int, frames: int) -> tuple[int, int]:
         """Return rows and columns of predictions for a spectrogram; 0 where it is too small."""
-        for _ in CHANNELS:
-            bands, frames = POOL.output(bands), POOL.output(frames)
-        return Window(FINAL_KERNEL[0]).output(bands), Window(FINAL_KERNEL[1]).output(frames)
+        rows, columns = layer_windows(self, 0), layer_windows(self, 1)
+        return side_after(rows, bands), side_after(columns, frames)

@@ -1,8 +1,7 @@
 """What scores the fragments of a LinearNet: a gate, then a line, or what takes its place."""
 
 from collections import OrderedDict
-from collections.abc import Mapping
-from typing import Any, cast
+from typing import cast
 
 import torch
 from torch import Tensor, nn
@@ -25,37 +24,28 @@ REACH = 3.0  # times the squared length of a usual row, up to which scores are t
 class ShortLine(FittedLater):
     """Other linear scores for short recordings, whose features are noisier and not the same.
 
-    Args:
-        classes: Number of classes.
-        bands: Number of features.
+    Attributes:
+        most: Fragments () of the longest recording that is short.
+        limit: The same, without a wait for a device; 0 of none.
     """
 
     weight: Tensor
     bias: Tensor
     most: Tensor
+    limit = 0.0
 
     def __init__(self, classes: int, bands: int) -> None:
         super().__init__(weight=(classes, bands, 1, 1), bias=(classes,), most=())
-        self.limit = 0.0  # the same as ``most``, without a wait for a device
-        loaded: Any = self.register_load_state_dict_post_hook  # it has no annotations
-        loaded(ShortLine._note_limit)
 
-    def _note_limit(self, *_: object) -> None:
+    def note(self) -> None:
+        """Note the limit."""
         self.limit = float(self.most) if self.in_use else 0.0
 
-    def take(self, values: Mapping[str, Tensor] | None) -> None:
-        """Use these values; None uses none."""
-        super().take(values)
-        self._note_limit()
-
     def layer(self, long: nn.Conv2d, count: int) -> tuple[Tensor, Tensor]:
-        """Return weights (classes, D, 1, 1) and biases of a recording of so many fragments.
+        """Return weights (classes, D, 1, 1) and biases of a recording of ``count`` fragments.
 
-        While a fusion is trained on single fragments, they are those of a long one.
-
-        Args:
-            long: The layer of recordings of more than ``most``.
-            count: Number of fragments; in an export it is known only at run time.
+        While a fusion is trained on single fragments, they are those of a ``long`` one, of more
+        than ``most``. In an export their number is known only at run time.
         """
         mine, others = (self.weight, self.bias), (long.weight, cast(Tensor, long.bias))
         if self.in_use and torch.compiler.is_exporting():
@@ -68,10 +58,6 @@ class GainlessLine(FittedLater):
     """Other linear scores for recordings that are weaker or stronger than all in training.
 
     Another gain of the sensor says nothing of the material, and they leave out what depends on it.
-
-    Args:
-        classes: Number of classes.
-        bands: Number of features.
 
     Attributes:
         direction: (D,) whose product with the mean features is the strength of a recording.
@@ -137,9 +123,6 @@ class ScoreReach(FittedLater):
     A line is the surer the longer the features are, and those of a recording that is shorter than
     any in training, or unlike them, are long because they are noisy. Labels stay as they are.
 
-    Args:
-        bands: Features of a fragment, D.
-
     Attributes:
         share: Of each feature in the squared length of a row (D,).
         longest: Squared length () up to which scores are taken as they are.
@@ -164,9 +147,7 @@ class ScoreReach(FittedLater):
     def forward(self, scores: Tensor, mean: Tensor) -> Tensor:
         """Return class scores (B, classes, positions), times at most one.
 
-        Args:
-            scores: The scores.
-            mean: Mean features (B, D) of the whole recording that passed the gate.
+        ``mean`` are the features (B, D) of the whole recording that passed the gate.
         """
         length = mean.square() @ self.share
         factor = (self.longest / length.clamp_min(torch.finfo(length.dtype).tiny)).clamp(max=1)
@@ -243,10 +224,7 @@ class LineOrPlanes(nn.Sequential):
 def weighed(x: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
     """Return scores (B, classes, M, N) of features (B, D, M, N), which a convolution would copy.
 
-    Args:
-        x: Features, in any layout.
-        weight: (classes, D, 1, 1).
-        bias: (classes,).
+    The weights are its: (classes, D, 1, 1), and biases (classes,).
     """
     scores = weight.flatten(1) @ x.flatten(2) + bias[:, None]
     return scores.reshape(x.shape[0], -1, *x.shape[2:])

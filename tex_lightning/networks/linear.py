@@ -80,8 +80,6 @@ class LinearNet(nn.Module):
             chooses it.
         shrinkage: How far the scatter of scores within classes is taken for equal in every
             direction: the fewer rows there are for each class, the further.
-        keep_rows: Whether a checkpoint keeps the mean features of the training recordings, from
-            which task=adapt fits the network again.
 
     Example:
         >>> import torch

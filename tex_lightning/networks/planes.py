@@ -59,12 +59,7 @@ class Fitted(NamedTuple):
 
 
 class ClassPlanes(FittedLater):
-    """Score fragments by the logarithm of each class's density, once it was found to be better.
-
-    Args:
-        classes: Number of classes.
-        bands: Number of features.
-    """
+    """Score fragments by the logarithm of each class's density, once it was found to be better."""
 
     def __init__(self, classes: int, bands: int) -> None:
         super().__init__(

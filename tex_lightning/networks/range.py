@@ -86,9 +86,6 @@ class FeatureRange(FittedLater):
     recordings and itself each has the same chance to be the least or the largest. The means of
     short recordings vary more, and are left as they are.
 
-    Args:
-        bands: Features of a fragment, D.
-
     Attributes:
         lowest: Least mean (D,) of a training recording.
         highest: Largest mean (D,).
@@ -105,12 +102,9 @@ class FeatureRange(FittedLater):
         super().__init__(lowest=(bands,), highest=(bands,), share=(), most=())
 
     def fit(self, means: Tensor, count: int, most: int) -> None:
-        """Take the range of the training.
+        """Take the range of mean features (versions, D) of ``count`` training recordings.
 
-        Args:
-            means: Features (versions, D) of recordings.
-            count: Number of the recordings that these are versions of.
-            most: Fragments of the longest recording that is short.
+        ``most`` is the attribute.
         """
         self.take({
             "lowest": means.amin(dim=0),

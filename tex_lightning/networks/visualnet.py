@@ -94,15 +94,12 @@ class VisualNet(nn.Module):
         return self.features(x, "fc3")
 
     def features(self, x: Tensor, level: Level) -> Tensor:
-        """Return the features that fusion samples from.
+        """Return the features (B, D, M, N) that fusion samples from, at ``output_size(H, W)``.
 
         Args:
             x: Images as for ``forward``, no smaller than ``min_size``.
             level: "fc2" for the activations of the last hidden layer after ReLU, "fc3" for the
                 class scores before softmax.
-
-        Returns:
-            (B, D, M, N) with the channels of that layer as D and (M, N) = ``output_size(H, W)``.
         """
         features: Tensor = self.head(self.trunk(x), level)
         return features

@@ -21,13 +21,7 @@ from tex_lightning_runtime.files import expanded
 
 log = logging.getLogger(__name__)
 MAX_WEIGHT = 1e6  # of a weight; published ones are below 100, and larger ones overflow in a product
-LAYOUTS: dict[str, Layout] = {
-    ".npz": "caffe",
-    ".pth": "efficientnet",
-    ".pt": "efficientnet",
-}
-
-
+LAYOUTS: dict[str, Layout] = {".npz": "caffe", ".pth": "efficientnet", ".pt": "efficientnet"}
 # Networks read values in 0-255 less a mean colour (R, G, B), divided by a number.
 PIXELS: dict[Layout, tuple[tuple[float, float, float], float]] = {
     "caffe": ((123.0, 117.0, 104.0), 1.0),
@@ -36,7 +30,7 @@ PIXELS: dict[Layout, tuple[tuple[float, float, float], float]] = {
 
 
 def load_trunk_weights(trunk: Trunk, source: str | Path) -> str:
-    """Load ImageNet weights into a trunk of VisualNet.
+    """Load ImageNet weights into a trunk of VisualNet, and return a line that says what was loaded.
 
     The features are the published ones divided by one number, so that their root mean square on
     noise is 1: far from it, a freshly drawn head does not train. Texture features stay as they are.
@@ -47,9 +41,6 @@ def load_trunk_weights(trunk: Trunk, source: str | Path) -> str:
             "imagenet" for the trunk's official weights, which are in a package. The file's input
             convention, such as BGR in 0-255 less the mean, is folded into the first convolution,
             and normalisation into all.
-
-    Returns:
-        One line saying what was loaded.
 
     Raises:
         UserError: The file is missing, unreadable or of another network, or the trunk cannot take
@@ -202,12 +193,8 @@ NORM_AFTER = {
 def fold_statistics(content: Mapping[str, Tensor]) -> dict[str, Tensor]:
     """Return weight and bias of every convolution that gives what it and its normalisation gave.
 
-    Args:
-        content: Tensors by their names in the file.
-
-    Returns:
-        ``CONVOLUTION.weight`` and ``CONVOLUTION.bias`` in float64. A convolution whose
-        normalisation is not in the file has no bias.
+    They are float64, by the names of tensors in the file, as those given are. A convolution whose
+    normalisation is not in the file has no bias.
     """
     folded = {}
     for name, weight in content.items():

@@ -8,7 +8,6 @@ from torch import nn
 from tex_lightning.networks.blocks import NORMS, Norm, Window, conv_block, response_norm, scaled
 from tex_lightning.networks.trunks.base import Trunk
 
-CAFFE_CONV1 = Window(11, 4)
 CAFFE_POOL = Window(3, 2, ceil=True)
 AVERAGE = Window(13)  # of VisualNet-TCNN
 
@@ -21,12 +20,10 @@ def caffe_channels(width: float) -> tuple[int, ...]:
 def caffe_conv123(channels: tuple[int, ...], norm: Norm) -> OrderedDict[str, nn.Module]:
     """Return conv1 to conv3 of Caffe's AlexNet: each of the first two is normalised, then pooled.
 
-    Args:
-        channels: Channel counts of conv1, conv2 and conv3.
-        norm: "lrn" is the published network; "batch" normalises what is pooled already.
+    Of the norms, "lrn" is the published network; "batch" normalises what is pooled already.
     """
     one, two, three = channels
-    first = conv_block(3, one, CAFFE_CONV1.kernel, norm=norm, stride=CAFFE_CONV1.stride)
+    first = conv_block(3, one, 11, norm=norm, stride=4)
     second = conv_block(one, two, 5, norm=norm, padding=2, groups=2)
     return OrderedDict(
         conv1=_pooled(first, *response_norm(norm)),
@@ -81,10 +78,6 @@ class TcnnTrunk(Trunk):
         """Return conv1 to conv3 with their poolings, and the average."""
         channels = caffe_channels(self.width)[:3]
         layers = caffe_conv123(channels, self.norm)
-        # Over rows, then over columns: the same average with 26 additions instead of 169.
-        layers["average"] = nn.Sequential(
-            nn.AvgPool2d((AVERAGE.kernel, 1), AVERAGE.stride),
-            nn.AvgPool2d((1, AVERAGE.kernel), AVERAGE.stride),
-        )
+        layers["average"] = AVERAGE.average_pool()
         self.out_channels = channels[-1]
         return nn.Sequential(layers)

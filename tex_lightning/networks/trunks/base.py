@@ -40,10 +40,6 @@ class Trunk(nn.Module):
         imagenet_sha256: SHA-256 of that file.
         out_channels: Channel count of the features.
 
-    Args:
-        width: Factor on every channel count.
-        norm: One of ``norms``.
-
     Raises:
         UserError: ``norm`` is not one of ``norms``.
     """

@@ -148,21 +148,12 @@ class TextureFeatures(nn.Module):
         super().__init__()
         self.register_buffer("mean", torch.zeros(channels))
         self.register_buffer("scale", torch.ones(channels))
-        # Rows, then columns: a quarter of the additions.
-        self.average = nn.Sequential(
-            nn.AvgPool2d((window.kernel, 1), (window.stride, 1)),
-            nn.AvgPool2d((1, window.kernel), (1, window.stride)),
-        )
+        self.average = window.average_pool()
 
     def pooled(self, maps: Tensor, positions: int) -> Tensor:
-        """Average one layer's maps over every window.
+        """Average one layer's maps (B, D, M, N) over every window: (B, D, M', N').
 
-        Args:
-            maps: (B, D, M, N).
-            positions: Positions along each axis per position of the coarsest maps.
-
-        Returns:
-            (B, D, M', N').
+        They have so many ``positions`` along each axis per position of the coarsest maps.
         """
         averages: Tensor = self.average(avg_pool2d(maps, positions))
         return averages
@@ -196,11 +187,6 @@ class EfficientNetLite0(Trunk):
 
     Beyond the edge of an image lies ImageNet's mean colour, as for every trunk; for the published
     network it was the grey (127, 127, 127), one pixel wide below and to the right.
-
-    Args:
-        width: Factor on every channel count.
-        norm: One of ``norms``.
-        patch: Side in pixels of a fragment.
 
     Attributes:
         wide: The variant's own factor on the channels of a stage.

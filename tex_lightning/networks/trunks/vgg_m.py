@@ -8,8 +8,6 @@ from torch import nn
 from tex_lightning.networks.blocks import NORMS, Norm, Window, conv_block, response_norm, scaled
 from tex_lightning.networks.trunks.base import Trunk
 
-CONV1 = Window(7, 2)
-CONV2 = Window(5, 2, padding=1)
 POOL = Window(3, 2, ceil=True)
 
 
@@ -39,11 +37,9 @@ class VggMTrunk(Trunk):
         self.out_channels = five
         return nn.Sequential(
             OrderedDict(
-                conv1=conv_block(3, one, CONV1.kernel, norm=norm, stride=CONV1.stride),
+                conv1=conv_block(3, one, 7, norm=norm, stride=2),
                 pool1=_pool(norm),
-                conv2=conv_block(
-                    one, two, CONV2.kernel, norm=norm, stride=CONV2.stride, padding=CONV2.padding
-                ),
+                conv2=conv_block(one, two, 5, norm=norm, stride=2, padding=1),
                 pool2=_pool(norm),
                 conv3=conv_block(two, three, 3, norm=norm, padding=1),
                 conv4=conv_block(three, four, 3, norm=norm, padding=1),
