@@ -144,14 +144,10 @@ class OctaveBands(nn.Module):
             yield self.responses(movement, level, first, min(frames, first + size))
 
     def compare(self, power: Tensor, level: Tensor) -> Tensor:
-        """Compare the power of bands: of all axes together, and of each if they count.
-
-        Args:
-            power: (axes, frames, bands).
-            level: Mean power () of the training set.
+        """Compare power (axes, frames, bands) of all axes together, and of each if they count.
 
         Returns:
-            (frames, channels); NaN where a band is empty.
+            (frames, channels), as :meth:`responses`; NaN where a band is empty.
         """
         responses = []
         for part in (joined(power), power)[: 1 + bool(self.apart)]:
@@ -229,13 +225,10 @@ def joined(power: Tensor) -> Tensor:
 
 
 def compared(bands: Tensor, mean: Tensor, gap: int, kinds: int) -> Tensor:
-    """Return log bands (axes, frames, bands) in three or all four comparisons, side by side.
+    """Return log bands (axes, frames, bands) in three or four comparisons: (frames, channels).
 
     With the ``mean`` (axes, frames, 1) of the frame, with the band ``gap`` below, with the same
-    band one window earlier (the first frames with the first), and as they are.
-
-    Returns:
-        (frames, channels); of each comparison all axes.
+    band one window earlier (the first frames with the first), and as they are; of each all axes.
     """
     earlier = (torch.arange(bands.shape[1], device=bands.device) - OVERLAP).clamp_min(0)
     relative, steps = bands - mean, bands[..., gap:] - bands[..., :-gap]

@@ -20,13 +20,9 @@ NOISE_LENGTH = 4  # sub-samples that the noise is long, from which each piece is
 
 
 def draw_changes(share: float, frames: int, count: int, rng: np.random.Generator) -> Tensor:
-    """Draw the random numbers of the augmentation.
+    """Draw the random numbers of the augmentation of ``count`` sub-samples of so many frames.
 
-    Args:
-        share: Share of the sub-samples with noise, and share with another response, in [0, 1].
-        frames: Length of a sub-sample.
-        count: Number of sub-samples.
-        rng: Random generator.
+    A share of them in [0, 1] gets noise, and a share another response.
 
     Returns:
         (count, 2 + COSINES): noise as a factor of the mean magnitude, its first frame, and the

@@ -295,16 +295,16 @@ def fit_closed_form(network: Any, bank: Bank, labels: Indices, groups: Sequence[
     ``pieces`` of some of them, and pairs of some and the same ``disturbed``, if it takes these.
     """
     bank = cast(InputBank, bank)
-    inputs = bank.inputs
-    given: list[Any] = [inputs, torch.from_numpy(np.resize(labels, len(inputs)))]
-    versions, takes = len(inputs) // len(labels), _taken(network)
+    inputs, takes = bank.inputs, _taken(network)
+    versions = len(inputs) // len(labels)
     offered: dict[str, list[Any]] = {
         "groups": [*groups] * versions,
         "recordings": [*range(len(labels))] * versions,
         "pieces": bank.pieces,
         "disturbed": bank.disturbed,
     }
-    network.fit(*given, **{name: x for name, x in offered.items() if name in takes})
+    wanted = {name: x for name, x in offered.items() if name in takes}
+    network.fit(inputs, torch.from_numpy(np.resize(labels, len(inputs))), **wanted)
 
 
 def _taken(network: Any) -> Collection[str]:  # noqa: ANN401

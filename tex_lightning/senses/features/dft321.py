@@ -10,17 +10,12 @@ from torch import Tensor
 
 
 def dft321(trace: Tensor) -> Tensor:
-    """Reduce three axes, or any number of channels, to one over the whole trace.
+    """Reduce three axes, or any number of channels, of a whole trace to one.
 
     The mean of each axis (gravity, sensor offset) is removed first. The energy of the result
     equals that of the three axes together. Where axes cancel in the sum its phase carries no
-    meaning; the magnitude is right all the same.
-
-    Args:
-        trace: Real tensor (..., axes, samples).
-
-    Returns:
-        Tensor (..., samples) of the same type.
+    meaning; the magnitude is right all the same. A real tensor (..., axes, samples) gives one
+    (..., samples) of the same type.
     """
     samples = trace.shape[-1]
     axes = torch.fft.rfft(trace - trace.mean(dim=-1, keepdim=True))

@@ -36,15 +36,12 @@ class ImageFeatures(nn.Module):
         return pixels.sub_(self.mean).div_(self.std)
 
     def rotated(self, crops: Tensor, degrees: Tensor, patch: int) -> Tensor:
-        """Rotate crops about their centres and keep the middle ``patch`` pixels.
+        """Rotate crops about their centres to network input (batch, 3, patch, patch).
 
         Args:
             crops: uint8 (batch, 3, side, side) with ``side >= crop_side(patch, rotation)``.
             degrees: (batch,) angles.
-            patch: Side of the result.
-
-        Returns:
-            Network input (batch, 3, patch, patch).
+            patch: Pixels in the middle that are kept along each axis.
         """
         turned = self.mean.new_empty(len(crops), 3, patch, patch)
         results = torch.split(turned, _together(crops))

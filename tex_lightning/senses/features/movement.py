@@ -28,14 +28,11 @@ LOUD = 9  # tenths of the blocks that are quieter than what is called loud: so m
 
 
 def movement_start(trace: Tensor, sampling_rate: float) -> int:
-    """Return first sample of steady movement: 0.2 s after a touch that breaks a quiet beginning.
+    """Return where steady movement starts: 0.2 s after a touch that breaks a quiet beginning.
 
     A recording that starts while the tool already moves has no such touch and is kept whole: a
     burst is a touch only if the 0.1 s of movement after it are louder than the beginning as well.
-
-    Args:
-        trace: (axes, samples).
-        sampling_rate: Sampling rate in Hz.
+    The trace is (axes, samples), its rate in Hz.
     """
     quiet, settling = int(QUIET_SECONDS * sampling_rate), int(SETTLING_SECONDS * sampling_rate)
     search, known = int(SEARCH_SECONDS * sampling_rate), int(KNOWN_SECONDS * sampling_rate)
@@ -71,15 +68,12 @@ def left_out(trace: Tensor, sampling_rate: float) -> Tensor:
 
 
 def left_out_blocks(trace: Tensor, sampling_rate: float) -> Tensor:
-    """Return which blocks (blocks,) of a signal belong to a rest, or are a knock.
+    """Return which blocks (blocks,) of a signal (axes, samples) belong to a rest, or are a knock.
 
     A rest is at least 0.4 s of blocks whose power without their mean is far below that of the loud
     ones, with what is within 0.2 s of it and louder than the movement. A knock is a block far above
-    the loud ones of the movement, with those beside it, if only one in two seconds is.
-
-    Args:
-        trace: (axes, samples), at least one block long.
-        sampling_rate: Sampling rate in Hz.
+    the loud ones of the movement, with those beside it, if only one in two seconds is. The signal
+    is at least one block long, and its rate in Hz.
     """
     length = block_length(sampling_rate)
     power = block_power(trace, length)
@@ -90,8 +84,7 @@ def left_out_blocks(trace: Tensor, sampling_rate: float) -> Tensor:
 def power_limits(ordered: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Return below which power () blocks may be a rest, and above which a bump and a knock.
 
-    Args:
-        ordered: Power (blocks,) of all blocks, in order of size.
+    ``ordered`` is the power (blocks,) of all blocks, in order of size.
     """
     last = ordered.shape[0] - 1
     rest = REST_POWER * ordered[LOUD * last // 10]
@@ -162,20 +155,16 @@ def sums(values: Tensor, length: int) -> Tensor:
 
 
 def moving(trace: Tensor, sampling_rate: float, *, pieces: bool = True) -> Tensor:
-    """Return the movement in a signal: from its start on, and without rests and knocks.
+    """Return the movement in a signal (axes, samples), from its start on without rests and knocks.
 
-    Args:
-        trace: (axes, samples).
-        sampling_rate: Sampling rate in Hz.
-        pieces: Also leave out what is in the middle; else only what is at the end, so that a
-            sample's number still tells its time.
+    Without ``pieces`` only those at its end are left out, and none in the middle, so that a
+    sample's number still tells its time.
     """
     trace = trace[:, movement_start(trace, sampling_rate) :]
-    length = block_length(sampling_rate)
-    if trace.shape[-1] < length:
+    if trace.shape[-1] < block_length(sampling_rate):
         return trace
-    out = left_out_blocks(trace, sampling_rate)
+    out = left_out(trace, sampling_rate)
     if not bool(out.any()):
         return trace
-    kept = (~of_samples(out, trace.shape[-1], length)).nonzero()[:, 0]
+    kept = (~out).nonzero()[:, 0]
     return trace[:, kept] if pieces else trace[:, : int(kept[-1]) + 1]

@@ -71,10 +71,7 @@ class BandProportions(nn.Module):
             of fewer than eight samples at this rate, or more than 65,536, are left out, and so are
             those that are longer than half of the usual training recording, or a quarter where
             levels count, but for the shortest. A shorter recording is mirrored until they fit.
-        bands_per_octave: How finely frequency is divided, for each window.
-        thresholds: Number of thresholds for each band.
         fragment_seconds: Approximate length of a fragment; a movement is cut into equal ones.
-        skip_impact: Leave out the part before steady movement, and rests.
         levels: Number of channels whose level counts; None or 0 for none.
 
     Raises:

@@ -14,6 +14,7 @@ from tex_lightning.senses.features.dft321 import dft321
 from tex_lightning.senses.features.movement import moving
 from tex_lightning.senses.gain import SECONDS, KnownGain
 
+# Filters or frames of larger ones would take up far more memory than the signal.
 MAX_WINDOW = 1 << 16  # samples: 6 s at 10 kHz, a third of a second at 200 kHz
 MAX_OVERLAP = 100  # hops in a window
 CORNER = 700.0  # Hz; bands are about evenly spaced below it and grow in proportion above
@@ -22,11 +23,8 @@ CORNER = 700.0  # Hz; bands are about evenly spaced below it and grow in proport
 def mel_centres(sampling_rate: float, bands: int) -> Tensor:
     """Return centres in Hz (bands,), float64, evenly spaced on the mel scale without its ends.
 
-    The scale is O'Shaughnessy's, ``2595 log10(1 + f / 700)``, which HTK and librosa call theirs.
-
-    Args:
-        sampling_rate: Sampling rate in Hz; the scale ends at half of it.
-        bands: Number of bands.
+    The scale is O'Shaughnessy's, ``2595 log10(1 + f / 700)``, which HTK and librosa call theirs. It
+    ends at half the sampling rate, which is in Hz.
     """
     top = np.log1p(sampling_rate / 2 / CORNER)
     return torch.from_numpy(CORNER * np.expm1(np.linspace(0, top, bands + 2)[1:-1]))
@@ -68,8 +66,9 @@ def mean_filters(
     frequencies = torch.arange(samples // 2 + 1, dtype=torch.float64) * channel
     below = torch.minimum(below, centres - channel)[:, None]
     above = torch.maximum(above, centres + channel)[:, None]
-    rising = (frequencies - below) / (centres[:, None] - below)
-    falling = (above - frequencies) / (above - centres[:, None])
+    centres = centres[:, None]
+    rising = (frequencies - below) / (centres - below)
+    falling = (above - frequencies) / (above - centres)
     heights = torch.minimum(rising, falling).clamp(min=0)
     if not constant:
         heights[:, 0] = 0
@@ -81,20 +80,6 @@ Normalisation = Literal["standard", "paper"]
 Scale = Literal["mel", "linear"]
 BLOCK = 512  # frames; their spectra take 1 MB, fewer are too few for two threads
 FLOOR = 1e-3  # of the training set's mean magnitude; below it the logarithm is flat
-
-
-def check_window(length: int, hop: int, sampling_rate: float) -> None:
-    """Reject windows whose filters or frames would take up far more memory than the signal.
-
-    Raises:
-        UserError: If a window is too long, or as long as too many hops.
-    """
-    if length > MAX_WINDOW or length > MAX_OVERLAP * hop:
-        raise UserError(
-            f"A window of {length} samples every {hop} at {sampling_rate:g} Hz takes up too much "
-            f"memory: it may have {MAX_WINDOW}, and {MAX_OVERLAP} times those of the hop; choose "
-            "shorter windows or a lower sampling rate."
-        )
 
 
 class SpectrogramFeatures(nn.Module):
@@ -116,20 +101,16 @@ class SpectrogramFeatures(nn.Module):
     by what the phases of the whole trace move from frame to frame. A frame's features then depend
     on its samples alone, so that they can be computed while a recording goes on.
 
+    The paper's frames have 500 samples at 10 kHz, and start every 100.
+
     Args:
         sampling_rate: Rate of the signals in Hz.
-        normalisation: ``standard`` (needs :meth:`fit`) or ``paper``.
-        skip_impact: Leave out what comes before steady movement.
-        axes: ``frame`` or ``trace``.
-        scale: ``mel`` or ``linear``.
-        window_seconds: Length of a frame; the paper's 500 samples at 10 kHz.
-        hop_seconds: Time between the starts of frames; the paper's 100 samples.
-        any_gain: Whether a recording that differs from one of the training mostly by its gain is
-            brought to that one's, and empty highest bands, as of a lower rate, get what the most
-            similar one has there; None: at 500 Hz and more. Not with ``paper``.
+        normalisation: ``standard``, which needs :meth:`fit`, or ``paper``.
+        any_gain: Not with ``paper``; see :class:`~tex_lightning.senses.gain.KnownGain`.
 
     Raises:
-        UserError: If a window at this rate has too few samples for 50 bands of scale ``linear``.
+        UserError: If a window at this rate is too long, or as long as too many hops, or has too few
+            samples for 50 bands of scale ``linear``.
 
     Attributes:
         window_length: Samples of a frame.
@@ -169,9 +150,14 @@ class SpectrogramFeatures(nn.Module):
         ] = None,
     ) -> None:
         super().__init__()
-        self.window_length = max(2, round(window_seconds * sampling_rate))
-        self.hop_length = max(1, round(hop_seconds * sampling_rate))
-        check_window(self.window_length, self.hop_length, sampling_rate)
+        self.window_length = length = max(2, round(window_seconds * sampling_rate))
+        self.hop_length = hop = max(1, round(hop_seconds * sampling_rate))
+        if length > MAX_WINDOW or length > MAX_OVERLAP * hop:
+            raise UserError(
+                f"A window of {length} samples every {hop} at {sampling_rate:g} Hz takes up too "
+                f"much memory: it may have {MAX_WINDOW}, and {MAX_OVERLAP} times those of the hop; "
+                "choose shorter windows or a lower sampling rate."
+            )
         if scale == "linear" and self.window_length // 2 + 1 < self.bands:
             raise UserError(
                 f"A window of {window_seconds:g} s at {sampling_rate:g} Hz has "
@@ -199,8 +185,7 @@ class SpectrogramFeatures(nn.Module):
 
     def count_frames(self, trace: Tensor) -> int:
         """Count the frames that :meth:`magnitudes` gives for (axes, samples); 0 if too short."""
-        samples = self.movement(trace).shape[-1]
-        return self.frames(samples)
+        return self.frames(self.movement(trace).shape[-1])
 
     def movement(self, trace: Tensor) -> Tensor:
         """Return the part (axes, samples) of a signal that frames are cut from."""
@@ -215,13 +200,7 @@ class SpectrogramFeatures(nn.Module):
         return (frames - 1) * self.hop_length + self.window_length
 
     def magnitudes(self, trace: Tensor) -> Tensor:
-        """Return spectrogram before normalisation.
-
-        Args:
-            trace: (axes, samples).
-
-        Returns:
-            Magnitudes (bands, frames), not negative.
+        """Return the magnitudes (bands, frames), not negative, of a trace (axes, samples).
 
         Raises:
             UserError: If the signal is shorter than one window.
@@ -245,13 +224,9 @@ class SpectrogramFeatures(nn.Module):
             return self._in_blocks(movement)
         kept = self.bands if self.scale == "linear" else self.window_length // 2 + 1
         spectrum = torch.stft(
-            movement,
-            self.window_length,
-            self.hop_length,
-            window=self.window,
-            center=False,
-            return_complex=True,
-        )[:, :kept]
+            movement, self.window_length, self.hop_length,
+            window=self.window, center=False, return_complex=True,
+        )[:, :kept]  # fmt: skip
         if self.axes == "frame":
             means = movement.unfold(-1, self.window_length, self.hop_length).mean(dim=-1)
             spectrum = spectrum - means[:, None] * torch.fft.rfft(self.window)[:kept, None]
