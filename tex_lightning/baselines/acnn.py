@@ -89,20 +89,12 @@ STRIDE: int = FIRST_STRIDE * POOL ** len(CHANNELS)  # samples from a fragment to
 class RawNetwork(Baseline):
     """Every fragment of a trace is classified, at a stride of 512 samples, in one dense pass.
 
-    Attributes:
-        fragment_seconds: Length of a fragment at most; what the pooling leaves over is dropped.
-        patches: Raw patches that the auto-encoder learns from.
-        sparsity: Mean activation of its hidden units that it aims at, between 0 and 1.
-        steps: Steps of training.
-        batch_size: Fragments in a step.
-        learning_rate: Highest of a one-cycle schedule.
-        weight_decay: Weight decay of AdamW.
-        dropout: Share of hidden units left out in training.
+    Of a fragment, what the pooling leaves over is dropped.
     """
 
     fragment_seconds: Annotated[float, "(0, 3600] s", "longest fragment"]
     patches: Annotated[int, "[1, 10000000]", "raw patches that the auto-encoder learns from"]
-    sparsity: Annotated[float, "(0, 1)", "mean activation of its hidden units"]
+    sparsity: Annotated[float, "(0, 1)", "mean activation of its hidden units"]  # to aim at
     steps: Annotated[int, "[1, 100000000]", "steps of training"]
     batch_size: Annotated[int, "[1, 4096]", "fragments in a step"]
     learning_rate: Annotated[float, "(0, 10]", "highest of a one-cycle schedule"]

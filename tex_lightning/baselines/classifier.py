@@ -80,7 +80,7 @@ class Movement(nn.Module):
 
     Args:
         skip_impact: Leave out rests, and what comes before steady movement.
-        sampling_rate: Sampling rate in Hz.
+        sampling_rate: In Hz.
         apart: Keep several axes as they are, and do not join them to one.
     """
 
@@ -116,32 +116,23 @@ class Pixels(nn.Identity):
     """Photos as they are, 8 bits each, which baselines take in place of network input."""
 
 
-def as_part(baseline: "Baseline") -> tuple[str, str, "Baseline"]:
-    """Return key, kind and object of a baseline, as a contract names them."""
-    return WHERE, "baseline", baseline
-
-
 class FittedBaseline(nn.Module):
-    """A baseline in the place of a network: it scores one recording at a time, on the CPU.
-
-    Args:
-        baseline: Fitted, or about to be.
-    """
+    """A baseline in the place of a network: it scores one recording at a time, on the CPU."""
 
     def __init__(self, baseline: "Baseline") -> None:
         super().__init__()
         self.baseline = baseline
         self.min_size = (baseline.min_side, baseline.min_side)
-        self.contract_part = as_part(baseline)
+        self.contract_part = WHERE, "baseline", baseline
 
     def get_extra_state(self) -> dict[str, Tensor]:
         """Return what was fitted."""
-        with calling(*as_part(self.baseline)):
+        with calling(*self.contract_part):
             return self.baseline.state()
 
     def set_extra_state(self, state: dict[str, Tensor]) -> None:
         """Load what was fitted."""
-        with calling(*as_part(self.baseline)):
+        with calling(*self.contract_part):
             self.baseline.load_state(state)
 
     def features(self, x: Tensor, level: Level) -> Tensor:
@@ -154,10 +145,10 @@ class FittedBaseline(nn.Module):
         Raises:
             UserError: If it does not give such.
         """
-        with calling(*(part := as_part(self.baseline))):
+        with calling(*self.contract_part):
             scores: object = self.baseline.logits(recording)
         if not isinstance(scores, Tensor) or scores.dim() != 2 or not scores.is_floating_point():
-            raise breach(*part, f"returned {describe_value(scores)} for a recording")
+            raise breach(*self.contract_part, f"returned {describe_value(scores)} for a recording")
         return scores
 
 
@@ -194,12 +185,7 @@ def _baseline_sense(card: Card, baseline: "Baseline") -> Sense:
 class BaselineClassifier(SurfaceClassifier):
     """Classify raw recordings of one sense with a baseline, on the CPU.
 
-    Args:
-        card: Card of the classifier.
-        baseline: An existing baseline of the card; None makes it.
-
-    Attributes:
-        baseline: Fitted, or about to be.
+    Without a ``baseline``, fitted or about to be, that of the card is made.
     """
 
     baseline: "Baseline"
@@ -211,22 +197,19 @@ class BaselineClassifier(SurfaceClassifier):
         self.baseline = baseline
 
     def fit(self, rows: Sequence[Recording], store: Store, seed: int) -> None:
-        """Fit the baseline to recordings, every class present.
+        """Fit the baseline to recordings in a store, every class present.
 
-        Args:
-            rows: The recordings; their groups are given to a baseline that takes them.
-            store: Where they are decoded.
-            seed: Seed of everything random.
+        Their groups are given to a baseline that takes them.
         """
         fit: Any = self.baseline.fit
-        labels = np.array(class_indices([row.label for row in rows], self.card.classes))
-        groups = [row.group_key for row in rows]
         sense = self.senses[self.card.kind]
 
         def load(row: Recording) -> "Array":
             return as_baseline_takes_it(sense(load_recording(row, store)))
 
-        with calling(*as_part(self.baseline)):
+        labels = np.array(class_indices([row.label for row in rows], self.card.classes))
+        groups = [row.group_key for row in rows]
+        with calling(WHERE, "baseline", self.baseline):
             more = {"groups": groups} if "groups" in inspect.signature(fit).parameters else {}
             fit(Loaded(rows, load), labels, seed, **more)
 

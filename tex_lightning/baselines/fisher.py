@@ -39,16 +39,11 @@ class FisherVectors(Baseline):
     :meth:`load_weights`; without them they are drawn at random when it is fitted.
 
     Attributes:
-        trunk: Name among the trunks of VisualNet.
         max_side: Photos of more than its square in pixels are made smaller, to bound time and
             memory.
         scales: Exponents of two of the factors on the photo's sides. A scale is left out where a
             side falls below ``MIN_SIDE`` pixels or the photo grows beyond ``max_side``.
-        components: Gaussians of the mixture.
-        photos: Most training photos that the mixture is fitted to.
-        descriptors: Most features (positions of the map) that each of these gives.
-        cost: C of the SVMs.
-
+        descriptors: Most features (positions of the map) that each photo gives the mixture.
     """
 
     trunk: Annotated[str, "name of a trunk of VisualNet"]
@@ -130,9 +125,8 @@ class FisherVectors(Baseline):
         with threadpool_limits(limits=1):
             mixture.fit(features)
         fitted = (mixture.weights_, mixture.means_, mixture.covariances_)
-        return dict(
-            zip(MIXTURE, (torch.from_numpy(array).float() for array in fitted), strict=True)
-        )
+        arrays = (torch.from_numpy(array).float() for array in fitted)
+        return dict(zip(MIXTURE, arrays, strict=True))
 
     def factors(self, height: int, width: int) -> list[float]:
         """Return factors on the sides of a photo; at least one."""
@@ -253,10 +247,8 @@ def fit_planes(vectors: Tensor, labels: npt.NDArray[np.int64], cost: float) -> S
         amounts = np.zeros(len(labels))
         amounts[machine.support_] = machine.dual_coef_[0]
         scores = products @ amounts + machine.intercept_[0]
-        others, range_ = (
-            np.median(scores[~is_class]),
-            np.median(scores[is_class]) - np.median(scores[~is_class]),
-        )
+        others = np.median(scores[~is_class])
+        range_ = np.median(scores[is_class]) - others
         directions.append(torch.from_numpy(amounts / range_).float() @ vectors)
         offsets.append((machine.intercept_[0] - others) / range_)
     return {"directions": torch.stack(directions), "offsets": torch.tensor(offsets).float()}

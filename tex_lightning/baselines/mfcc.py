@@ -39,16 +39,9 @@ class Cepstra:
     """Cepstral coefficients of frames: Hamming window, power spectrum, filters, logarithm, DCT-II.
 
     There is neither pre-emphasis nor liftering, and frames that would pass the end are left out.
-
-    Attributes:
-        window_seconds: Length of a frame.
-        hop_seconds: From the start of a frame to that of the next.
-        highest_hz: Upper end of the last filter, at most half the sampling rate, which it is then;
-            the first begins at 0 Hz.
-        filters: Number of filters.
-        spacing: Spacing of the filters, mel or decreasing; see :func:`filter_edges`.
-        first: First coefficient kept, counted from 1, which is the level.
-        last: Last coefficient kept.
+    Filters begin at 0 Hz, and end at half the sampling rate where they would go beyond; how they
+    are spaced :func:`filter_edges` says. The first coefficient, which need not be kept, is the
+    level.
 
     Raises:
         UserError: If that takes up too much memory, or gives no coefficients.
@@ -119,9 +112,8 @@ MAX_ITERATIONS = 500  # enough to converge: a hundred are not always
 class MfccMixtures(EstimatorBaseline, Cepstra):
     """Log-likelihoods of all frames are summed, so that a whole trace is one fragment.
 
-    Attributes:
-        components: Gaussians with diagonal covariance for each class, at most one for each frame.
-        min_variance: Added to every variance, so that no component shrinks to one frame.
+    A class has at most one Gaussian, of diagonal covariance, for each frame. The smallest variance
+    is added to every one, so that none shrinks to one frame.
     """
 
     components: Annotated[int, "[1, 10000]", "Gaussians of each class"]

@@ -25,11 +25,7 @@ class LocalBinaryPatterns(EstimatorBaseline):
     """Patterns of eight neighbours up to rotation (Ojala et al. 2002), on grey photos.
 
     The histograms are compared by an additive chi-square kernel (Vedaldi and Zisserman 2012),
-    written out as features of a logistic regression.
-
-    Attributes:
-        radii: Radii of the circles that the neighbours lie on, in pixels; one histogram each.
-        strength: Inverse strength C of the regularisation.
+    written out as features of a logistic regression. Each radius has a histogram of its own.
     """
 
     radii: Annotated[list[int], "[1, 1000] pixels", "radii of the circles of neighbours"]

@@ -37,7 +37,6 @@ class MiniRocket(EstimatorBaseline):
     their movement counts; longer ones are cut.
 
     Attributes:
-        kernels: Number of features.
         threads: For fitting. aeon's loops run over traces, so one trace never uses more than one.
         keep_level: Whether its level counts; else each trace's deviation is made 1, as published,
             by one factor for all axes.

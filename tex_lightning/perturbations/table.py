@@ -65,15 +65,12 @@ class Perturbation:
         return math.exp(value) if self.log else value
 
     def apply(self, recording: Array, severity: float, scene: Scene) -> Array:
-        """Change a recording; severity 0 leaves it as it is.
+        """Change a recording to one of the same type, not always of the same size.
 
         Args:
             recording: Signal (axes, samples) float32, or photo (height, width, 3) uint8.
-            severity: 0 to 5, whole or between.
-            scene: Circumstances of the recording.
-
-        Returns:
-            A recording of the same type, not always of the same size.
+            severity: 0, which leaves it as it is, to 5, whole or between.
+            scene: Its circumstances.
 
         Raises:
             UserError: If a user's function returns no finite recording of this kind.
@@ -83,8 +80,7 @@ class Perturbation:
         function, value = _function(self), self.value(severity)
         if self.is_users:
             key = f"{self.name} of {self.modality} in stability.severities"
-            part = key, "perturbation", function
-            changed = perturb(part, function, recording, value, scene)
+            changed = perturb((key, "perturbation", function), function, recording, value, scene)
         else:
             changed = np.asarray(function(recording, value, scene))
         if recording.dtype != np.uint8:
