@@ -33,7 +33,7 @@ from tex_lightning.config.composition import (
     run_composed,
     split_flags,
 )
-from tex_lightning.config.help_text import answer, asks
+from tex_lightning.config.help_text import answer
 from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.config.mistakes import check_choices, to_user_error
 from tex_lightning.config.overrides import key_of, parsed_overrides
@@ -151,8 +151,8 @@ def main() -> int:
     arguments = sys.argv[1:]
     try:
         use_config_dir(arguments)
-        if asks(arguments):
-            print(answer(arguments), flush=True)
+        if text := answer(arguments):
+            print(text, flush=True)
             return 0
         return _run(arguments)
     except KeyboardInterrupt:
@@ -368,12 +368,7 @@ def set_devices(config: Config) -> int:
     with _quick_import():
         import torch
 
-        from tex_lightning.core.devices import (
-            check_started,
-            count_processes,
-            keep_memory,
-            use_tf32,
-        )
+        from tex_lightning.core.devices import check_started, count_processes, keep_memory, use_tf32
 
     threads = config.trainer.threads
     if threads is None and config.task == "stream" and "OMP_NUM_THREADS" not in os.environ:

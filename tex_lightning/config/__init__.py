@@ -156,7 +156,7 @@ def flatten(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 
 def register() -> None:
     """Make the schema known to Hydra, beside those of other applications in this process."""
-    Plugins.instance().register(UserFolders)  # a second time changes nothing
+    Plugins.instance().register(UserFolders)  # a second call changes nothing
     OmegaConf.register_new_resolver("subject", subject, replace=True)
     store = ConfigStore.instance()
     if f"{SCHEMA}.yaml" in store.repo:

@@ -13,16 +13,11 @@ from typing import Any
 from omegaconf import MISSING, DictConfig, OmegaConf
 from omegaconf.errors import ConfigKeyError, OmegaConfBaseException
 
-from tex_lightning.config import READ_FILES, Config, ModelConfig, flatten, trunk_name
+from tex_lightning.config import READ_FILES, Config, flatten, trunk_name
 from tex_lightning.config.instantiation import TARGET, find_class
 from tex_lightning.config.keys import choice
 from tex_lightning.config.mistakes import refusal, unknown_key
-from tex_lightning.config.model import (
-    CHECKPOINT,
-    PhotoConfig,
-    SenseConfig,
-    SignalConfig,
-)
+from tex_lightning.config.model import CHECKPOINT, PhotoConfig, SenseConfig, SignalConfig
 from tex_lightning.config.nodes import as_taken, is_node, node_complaints, shared_complaints, takes
 from tex_lightning.config.rules import RULES
 from tex_lightning.config.signatures import misfits
@@ -192,7 +187,11 @@ def _unknown_names(config: Config) -> Iterator[str]:
     model, senses = config.model, config.frontier.senses
     checkpoints = [f"{name}{CHECKPOINT}" for name in model.known]
     if isinstance(config.weights, dict):
-        yield from _unknown_trunks(config.weights, model)
+        from tex_lightning.networks.trunks import TRUNKS  # takes PyTorch
+
+        trunks = [*TRUNKS, trunk_name(model, "visual"), *(set(model.known) - {"visual"})]
+        for name in config.weights:
+            yield from choice("a trunk in weights", name, trunks)
     for key in vars(model.fusion):
         if key.endswith(CHECKPOINT):
             yield from choice("a key of model.fusion", key, checkpoints)
@@ -206,11 +205,3 @@ def _unknown_names(config: Config) -> Iterator[str]:
 
             known = trainable(node.modality)
             yield from choice(f"model.{name}.fit.perturb", perturbation, known)
-
-
-def _unknown_trunks(sources: dict[str, str], model: ModelConfig) -> Iterator[str]:
-    from tex_lightning.networks.trunks import TRUNKS  # takes PyTorch
-
-    known = [*TRUNKS, trunk_name(model, "visual"), *(set(model.known) - {"visual"})]
-    for name in sources:
-        yield from choice("a trunk in weights", name, known)

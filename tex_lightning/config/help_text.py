@@ -47,17 +47,14 @@ More to read:
 Results land in hydra.run.dir. README.md leads to the pages in docs/."""
 
 
-def asks(arguments: Sequence[str]) -> bool:
-    """Return whether a command line asks for help or the version in place of a run."""
-    return any(item in FLAGS for item in arguments)
-
-
 def answer(arguments: Sequence[str]) -> str:
-    """Return the text that a command line asks for.
+    """Return the text that a command line asks for in place of a run; empty if for none.
 
     Raises:
         HydraException: If an override is wrong.
     """
+    if not any(item in FLAGS for item in arguments):
+        return ""
     if "--version" in arguments:
         return f"tex_lightning {__version__}"
     overrides = [item for item in arguments if "=" in item and not item.startswith("-")]

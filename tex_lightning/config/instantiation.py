@@ -158,11 +158,12 @@ def _check_complete(where: str, called: Callable[..., Any], given: Collection[st
 
 
 # Where this package's parts are, and what they derive from: names, since importing takes seconds
-PLACES = tuple(f"{PACKAGE}{name}." for name in ("senses", "networks", "baselines"))
-BASES = frozenset(
-    f"{PACKAGE}{name}"
-    for name in ("senses.base.Sense", "networks.trunks.base.Trunk", "baselines.base.Baseline")
-)
+PLACES = ("tex_lightning.senses.", "tex_lightning.networks.", "tex_lightning.baselines.")
+BASES = {
+    "tex_lightning.senses.base.Sense",
+    "tex_lightning.networks.trunks.base.Trunk",
+    "tex_lightning.baselines.base.Baseline",
+}
 MODULE = "torch.nn.modules.module.Module"
 _TRUSTED: set[str] = set()  # packages and single classes, of the whole process
 
@@ -223,11 +224,11 @@ def trusted_class(where: str, node: Mapping[str, Any]) -> type[Any]:
         return part
     if target in _TRUSTED:
         return find_class(where, node)
-    package = _package(target)
+    package = target.partition(".")[0]
     if package not in _TRUSTED and package not in installed_packages():  # which reads folders
         raise _untrusted(where, target, package)
     cls = find_class(where, node)
-    if (home := _package(cls.__module__)) != package:
+    if (home := cls.__module__.partition(".")[0]) != package:
         raise _untrusted(where, target, home)
     return cls
 
@@ -285,7 +286,3 @@ def _untrusted(where: str, target: str, package: str) -> UserError:
         f"trusted: give trusted=[{shorten(package)}] if its code may run, or install it with an "
         f"entry point in {ENTRY_POINTS}."
     )
-
-
-def _package(target: str) -> str:
-    return target.partition(".")[0]

@@ -113,6 +113,12 @@ class _Module(dict[str, Any]):
             return Annotated[Any, *hint.__metadata__]
         return Any if _mentions_other(hint) else hint
 
+    def parameter(self, name: str, hint: ast.expr | None, default: ast.expr | None) -> Parameter:
+        """Return a parameter with its annotation and default, where there are such."""
+        given = Parameter.empty if default is None else self.evaluate(default)
+        kind = Parameter.POSITIONAL_OR_KEYWORD
+        return Parameter(name, kind, default=given, annotation=self.hint(hint))
+
 
 def _mentions_other(hint: Any) -> bool:  # noqa: ANN401
     """Return whether a class that is not known, or a name in quotes, is a part of an annotation."""
@@ -192,13 +198,15 @@ def _parameters(module: _Module, node: ast.ClassDef) -> list[Parameter] | None:
     """
     decorators = [ast.unparse(decorator) for decorator in node.decorator_list]
     made = any("dataclass" not in each or "init=False" in each for each in decorators)
+    bases = [base for base in map(_bare, node.bases) if base not in NO_PARAMETERS]
+    found = [module.find(base) for base in bases]
     for part in node.body:
         if isinstance(part, ast.FunctionDef) and part.name in ("__init__", "__new__"):
             own = [*_arguments(module, part.args)][1:]
-            return None if made or part.decorator_list else _handed_on(module, node, own)
+            base = next(filter(None, found), None) if collects(own) else None
+            handed = _parameters(*base) if base else None
+            return None if made or part.decorator_list else handing_on(own, handed or ())
         made |= isinstance(part, ast.Assign) and _bare(part.targets[0]) == "__init__"
-    bases = [base for base in map(_bare, node.bases) if base not in NO_PARAMETERS]
-    found = [module.find(base) for base in bases]
     if made or None in found:
         return None
     if not decorators:
@@ -213,12 +221,6 @@ def _parameters(module: _Module, node: ast.ClassDef) -> list[Parameter] | None:
     return sorted(fields.values(), key=lambda each: each.kind)
 
 
-def _handed_on(module: _Module, node: ast.ClassDef, own: list[Parameter]) -> list[Parameter]:
-    """Return parameters with those of the class that ``**kwargs`` are handed on to."""
-    base = next(filter(None, (module.find(_bare(each)) for each in node.bases)), None)
-    return handing_on(own, _parameters(*base) or ()) if base and collects(own) else own
-
-
 def _bare(base: ast.expr) -> str:
     """Return the name of a base class without what stands in brackets."""
     return ast.unparse(base).partition("[")[0]
@@ -231,28 +233,16 @@ def _fields(module: _Module, node: ast.ClassDef) -> Iterator[Parameter]:
             made = value.keywords if isinstance(value, ast.Call) else []
             left_out = any(ast.unparse(each) == "init=False" for each in made)
             if not (left_out or _bare(part.annotation).endswith("ClassVar")):
-                kind = Parameter.POSITIONAL_OR_KEYWORD
-                yield _parameter(module, part.target.id, kind, part.annotation, part.value)
+                yield module.parameter(part.target.id, part.annotation, part.value)
 
 
 def _arguments(module: _Module, node: ast.arguments) -> Iterator[Parameter]:
     positional = [*node.posonlyargs, *node.args]
     without = [None] * (len(positional) - len(node.defaults))
     for each, default in zip(positional, [*without, *node.defaults], strict=True):
-        kind = Parameter.POSITIONAL_OR_KEYWORD
-        yield _parameter(module, each.arg, kind, each.annotation, default)
+        yield module.parameter(each.arg, each.annotation, default)
     for each, default in zip(node.kwonlyargs, node.kw_defaults, strict=True):
-        yield _parameter(module, each.arg, Parameter.KEYWORD_ONLY, each.annotation, default)
+        parameter = module.parameter(each.arg, each.annotation, default)
+        yield parameter.replace(kind=Parameter.KEYWORD_ONLY)
     if node.kwarg is not None:
         yield Parameter(node.kwarg.arg, Parameter.VAR_KEYWORD)
-
-
-def _parameter(
-    module: _Module,
-    name: str,
-    kind: Any,  # noqa: ANN401
-    annotation: ast.expr | None,
-    default: ast.expr | None,
-) -> Parameter:
-    given = Parameter.empty if default is None else module.evaluate(default)
-    return Parameter(name, kind, default=given, annotation=module.hint(annotation))

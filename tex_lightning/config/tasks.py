@@ -15,14 +15,8 @@ Task = Literal[
 TASKS: tuple[str, ...] = get_args(Task)
 READ_FILES = ("adapt", "predict", "record", "stream")  # tasks that read files, by modality
 TRAINING = ("fit", "crossval")  # tasks that train one model
-SILENT = (
-    "predict",
-    "stream",
-    "record",
-    "generate",
-    "export",
-    "manifest",
-)  # tasks that leave no results.json
+# Tasks that leave no results.json.
+SILENT = ("predict", "stream", "record", "generate", "export", "manifest")
 NO_FOLDER = ("predict", "stream", "manifest")  # tasks that write nothing there
 OURS = ("threads", "tf32")  # of TrainerConfig, unknown to Lightning
 MAX_PAIRS = 1_000_000  # of fragments that FusionNet votes over

@@ -113,11 +113,11 @@ def is_interactive() -> bool:
 
 
 def log_once(
-    logger: logging.Logger, text: str, level: int = logging.INFO, *, key: str | None = None
+    logger: logging.Logger, text: str, level: int = logging.INFO, *, key: str = ""
 ) -> None:
-    """Log a message once: what is the same for every fold, or the first of those of one key."""
-    if (key := text if key is None else key) not in Screen.logged:
-        Screen.logged.add(key)
+    """Log a message that is the same for every fold, or of all that have a key the first."""
+    if (key or text) not in Screen.logged:
+        Screen.logged.add(key or text)
         logger.log(level, "%s", text)
 
 

@@ -23,12 +23,7 @@ from tex_lightning.core.run_folder import checkpoint_of
 from tex_lightning.evaluation.conditions import pool_conditions
 from tex_lightning.evaluation.metrics import figures, metrics_in, pooled_metrics
 from tex_lightning.evaluation.novelty import pool_unknown
-from tex_lightning.evaluation.outcomes import (
-    COUNTS,
-    read_outcomes,
-    write_outcomes,
-    write_results,
-)
+from tex_lightning.evaluation.outcomes import COUNTS, read_outcomes, write_outcomes, write_results
 from tex_lightning.learning.loggers import open_loggers
 from tex_lightning.report.gallery import sample_artifacts
 from tex_lightning.report.misclassified import keep_samples

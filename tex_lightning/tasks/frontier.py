@@ -14,22 +14,13 @@ from tex_lightning.config.composition import Job
 from tex_lightning.core.console import console, say
 from tex_lightning.core.devices import computing_device
 from tex_lightning.core.files import write_rows
-from tex_lightning.evaluation.comparison import (
-    correct_shares,
-    one_standard_error,
-    pareto,
-)
+from tex_lightning.evaluation.comparison import correct_shares, one_standard_error, pareto
 from tex_lightning.evaluation.metrics import METRICS, metrics_in, pooled_metrics
 from tex_lightning.evaluation.outcomes import environment, write_results
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.frontier_chart import FrontierRow, frontier_figure
 from tex_lightning.report.table import make_table, print_tables
-from tex_lightning.studies.family import (
-    System,
-    compose_family,
-    measure_family,
-    with_system,
-)
+from tex_lightning.studies.family import System, compose_family, measure_family, with_system
 from tex_lightning.studies.fold import chosen_folds
 
 COLUMNS = {  # of ``frontier.csv``, with the metric that each has; further metrics come last
