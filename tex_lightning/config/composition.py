@@ -89,8 +89,6 @@ def _hydra() -> Iterator[None]:
 
 
 Origin = Literal["command", "sweep", "python"]
-RUN_FOLDER = "hydra.run.dir="
-SEARCHPATH = "hydra.searchpath="
 
 
 @dataclass(frozen=True)
@@ -144,8 +142,8 @@ def current_job(*, python: bool = False) -> Job:
         overrides=tuple(each for each in typed["task"] if not is_added(each)),
         directory=Path(hydra.runtime.output_dir).resolve(),
         origin="python" if python else "sweep" if hydra.mode == RunMode.MULTIRUN else "command",
-        named=any(override.startswith(RUN_FOLDER) for override in flags),
-        searchpath=tuple(override for override in flags if override.startswith(SEARCHPATH)),
+        named=any(each.startswith("hydra.run.dir=") for each in flags),
+        searchpath=tuple(each for each in flags if each.startswith("hydra.searchpath=")),
         hydra=OmegaConf.create({"hydra": hydra}),
     )
 

@@ -71,10 +71,8 @@ class Key:
         if not self.range:
             return True
         low, high = map(float, self.range[1:-1].split(","))
-        closed = (self.range[0] == "[" and value == low) or (
-            self.range[-1] == "]" and value == high
-        )
-        return low < value < high or closed
+        above = low <= value if self.range[0] == "[" else low < value
+        return above and (value <= high if self.range[-1] == "]" else value < high)
 
 
 def _said(hint: Any) -> Iterator[Any]:  # noqa: ANN401

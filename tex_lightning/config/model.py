@@ -9,10 +9,6 @@ from tex_lightning.config.keys import section
 FUSION = "fusion"  # name of several senses together
 PACKAGE_SENSES = ("haptic", "visual", "sound")  # senses of the package; others are a user's
 CHECKPOINT = "_checkpoint"  # end of a key of the fusion
-LARGEST = 8192  # pixels a side
-RATE = "(0, 10]"
-BATCH = "[1, 4096]"
-PROBABILITY = "[0, 1)"
 ROTATION = "[0, 180] degrees"
 PERTURB = "perturbations to train on too, named in tex_lightning/perturbations/severities.yaml"
 
@@ -27,14 +23,14 @@ class FitConfig:
 
     epochs: Annotated[int, "[0, 1000000]", "number of epochs; each ends with a checkpoint"]
     steps_per_epoch: Annotated[int, "[1, 1000000]", "optimiser steps in an epoch"]
-    batch_size: Annotated[int, BATCH, "samples in a step, over all processes"]
+    batch_size: Annotated[int, "[1, 4096]", "samples in a step, over all processes"]
     optimizer: Annotated[dict[str, Any], "class and arguments of the optimiser"]
-    learning_rate: Annotated[float, RATE, "largest learning rate of the trunk"]
+    learning_rate: Annotated[float, "(0, 10]", "largest learning rate of the trunk"]
     schedule: Annotated[
         dict[str, Any], "class and arguments of the schedule, applied after every step"
     ]
     label_smoothing: Annotated[
-        float, PROBABILITY, "share of the target that is spread over all classes"
+        float, "[0, 1)", "share of the target that is spread over all classes"
     ]
     head_factor: Annotated[
         float, "(0, 1000]", "learning rate of the 1x1 layers over that of the trunk"
@@ -76,7 +72,7 @@ class ProbeConfig:
 
     passes: Annotated[int, "[1, 1000]", "passes over the training photos, each with new crops"]
     strength: Annotated[float, "(0, 1000000]", "inverse of the regularisation"]
-    side: Annotated[int, f"[224, {LARGEST}] pixels", "largest side; larger photos are cut"]
+    side: Annotated[int, "[224, 8192] pixels", "largest side; larger photos are cut"]
 
 
 @section

@@ -5,9 +5,6 @@ from typing import Annotated, Any, Literal, get_args
 from tex_lightning.config.keys import SEED, section
 
 SIDE = "[224, 8192] pixels"  # one patch; what the renderer makes
-ROUNDS = "[1, 10000]"
-SHARE = "[0, 1]"
-CHANCE = "[0, 1)"
 Task = Literal[
     "fit", "crossval", "evaluate", "enroll", "adapt", "predict", "stream", "record",
     "stability", "frontier", "profile", "export", "generate", "inspect", "manifest",
@@ -19,7 +16,6 @@ TRAINING = ("fit", "crossval")  # tasks that train one model
 SILENT = ("predict", "stream", "record", "generate", "export", "manifest")
 NO_FOLDER = ("predict", "stream", "manifest")  # tasks that write nothing there
 OURS = ("threads", "tf32")  # of TrainerConfig, unknown to Lightning
-MAX_PAIRS = 1_000_000  # of fragments that FusionNet votes over
 
 
 @section
@@ -32,7 +28,7 @@ class DecisionConfig:
         "max_vote: all fragments, sequential: as few as needed",
     ]
     pairs: Annotated[
-        int | None, f"[1, {MAX_PAIRS}]", "number of random pairs or tuples in FusionNet's vote"
+        int | None, "[1, 1000000]", "number of random pairs or tuples in FusionNet's vote"
     ]
     rule: Annotated[
         str | None,
@@ -41,10 +37,10 @@ class DecisionConfig:
     ]
     seed: Annotated[int | None, SEED, "seed of the pairs and of the order of windows"]
     unknown: Annotated[
-        float | None, CHANCE, "share of known recordings that may be labelled unknown; 0: none"
+        float | None, "[0, 1)", "share of known recordings that may be labelled unknown; 0: none"
     ] = None
     confidence_threshold: Annotated[
-        float, SHARE, "sequential: mean probability at which no more is read"
+        float, "[0, 1]", "sequential: mean probability at which no more is read"
     ]
 
 
@@ -128,7 +124,7 @@ class ProfileConfig:
     seconds: Annotated[float, "[3, 600] s", "length of the rendered trace"]
     width: Annotated[int, SIDE, "width of the rendered photo after halving"]
     height: Annotated[int, SIDE, "height of that photo"]
-    rounds: Annotated[int, ROUNDS, "largest number of rounds; each times every variant"]
+    rounds: Annotated[int, "[1, 10000]", "largest number of rounds; each times every variant"]
     budget_s: Annotated[float, "(0, 86400] s", "time after which no fourth round begins"]
 
 

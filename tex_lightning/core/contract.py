@@ -84,10 +84,9 @@ def making(key: str, target: str) -> Iterator[None]:
 
 def _innermost(error: Exception) -> Exception:
     """Return the exception of a class that Hydra wrapped in its own."""
-    while type(error).__name__ == "InstantiationException" and isinstance(
-        error.__cause__, Exception
-    ):
-        error = error.__cause__
+    cause = error.__cause__
+    if type(error).__name__ == "InstantiationException" and isinstance(cause, Exception):
+        return _innermost(cause)
     return error
 
 
@@ -176,13 +175,11 @@ def check_call(part: Part, called: Callable[..., object], *arguments: str) -> No
         UserError: Naming what it takes, and what it gets.
     """
     try:
-        signature = inspect.signature(called)
+        inspect.signature(called).bind(*arguments)
     except ValueError:  # of a function in C
         return
-    try:
-        signature.bind(*arguments)
     except TypeError as error:
-        takes = ", ".join(signature.parameters) or "nothing"
+        takes = ", ".join(inspect.signature(called).parameters) or "nothing"
         name = getattr(called, "__name__", "it")
         raise breach(
             *part, f"has {name}, which takes {takes}, where it gets {', '.join(arguments)}"

@@ -56,16 +56,13 @@ class Stage:
         self.title = title or self.title
         self.note = ", ".join(notes) or self.note
         self._show(done)
-        told = "; ".join(level.label for level in Stage.levels)
+        levels = "; ".join(level.label for level in Stage.levels)
+        due = time.monotonic() - Stage.told >= TOLD and Screen.verbose > QUIET
         if NotebookLine.is_possible():
-            NotebookLine.show(told)
-        elif (
-            Stage.bars.disable  # no bar is drawn
-            and Screen.verbose > QUIET
-            and time.monotonic() - Stage.told >= TOLD
-        ):
+            NotebookLine.show(levels)
+        elif due and Stage.bars.disable:
             Stage.told = time.monotonic()
-            log.info("In progress: %s.", told)
+            log.info("In progress: %s.", levels)
 
     def _show(self, done: float) -> None:
         counted = self.total is not None and self.total > 1
