@@ -391,11 +391,13 @@ def check_processes(config: Config, job: Job, processes: int) -> None:
     Raises:
         UserError: If they cannot train together.
     """
-    if processes > 1 and job.origin == "sweep":
+    if processes == 1:
+        return
+    if job.origin == "sweep":
         from tex_lightning.report.sweep import NO_SWEEP
 
         raise UserError(NO_SWEEP)
-    if processes > 1 and job.origin == "python" and not started_processes():
+    if job.origin == "python" and not started_processes():
         raise UserError(
             "Python trains in this process alone; for several devices run python -m tex_lightning, "
             "or start this program with torchrun."
@@ -409,7 +411,7 @@ def check_processes(config: Config, job: Job, processes: int) -> None:
     ]
     if complaints:
         raise UserError("; ".join(complaints) + ".")
-    if processes > 1 and started_processes() and not job.named:
+    if started_processes() and not job.named:
         raise UserError(
             "Several processes were started, which have to share a run folder; give hydra.run.dir."
         )

@@ -99,10 +99,9 @@ def find_callable(where: str, node: Mapping[str, Any]) -> Callable[..., Any]:
         raise UserError(
             f"{where} has no _target_; name the class there, as in package.module.Name."
         )
-    target = resolve(where, str(node[TARGET]))
-    if not callable(target):
+    named: Callable[..., Any] = resolve(where, str(node[TARGET]))
+    if not callable(named):
         raise UserError(f"{where} names {node[TARGET]}, which is no class or function; name one.")
-    named: Callable[..., Any] = target
     return named
 
 

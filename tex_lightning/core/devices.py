@@ -25,7 +25,6 @@ from tex_lightning.errors import UserError
 
 Result = TypeVar("Result")
 TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # what glibc's malloc.h calls M_...
-UNKNOWN_ROOM = 1 << 30  # bytes
 MAX_HEAP_PIECE, MAX_UNTRIMMED = 1 << 25, 1 << 30  # bytes: of a piece, in many versions, and in all
 
 
@@ -104,7 +103,7 @@ def room(device: torch.device) -> int:
     if device.type == "cuda":
         free, _ = torch.cuda.mem_get_info(device)
         return free // 2
-    return UNKNOWN_ROOM
+    return 1 << 30
 
 
 def has_to_repeat(x: torch.Tensor) -> bool:

@@ -21,7 +21,6 @@ from tex_lightning.studies.dataset import Dataset, decode_for
 from tex_lightning.studies.description import show_opening
 from tex_lightning.studies.evaluate_checkpoint import results_frame
 from tex_lightning.tasks.predict import find_files
-from tex_lightning_runtime.files import expanded
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
@@ -29,7 +28,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
 
     Where that does not seem safe the checkpoint is written as it is, and the reason is said.
     """
-    begin, source = time.perf_counter(), expanded(str(config.checkpoint))
+    begin, source = time.perf_counter(), str(config.checkpoint)
     classifier = load_classifier(source)
     check_adaptable(classifier)
     predictor = Predictor(classifier, config)  # puts it on the device that computes

@@ -25,7 +25,6 @@ from tex_lightning.learning.provenance import digests
 from tex_lightning.studies.dataset import Dataset, decode_for
 from tex_lightning.studies.description import show_opening
 from tex_lightning.studies.evaluate_checkpoint import results_frame
-from tex_lightning_runtime.files import expanded
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
@@ -33,7 +32,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
 
     Files are decoded as the checkpoint says. ``data.test_fold`` is left out, to be tested on.
     """
-    begin, source = time.perf_counter(), expanded(str(config.checkpoint))
+    begin, source = time.perf_counter(), str(config.checkpoint)
     classifier = load_classifier(source)
     if classifier.card.baseline:
         raise UserError(

@@ -46,7 +46,6 @@ HELD = 100  # pieces that wait for the recorder; then a pipe's writer waits, too
 WAIT = 0.2  # seconds after which a thread looks whether it should stop
 TOLERANCE = 0.1  # of a rate, as a share
 STEP = 0.1  # seconds that are taken of each signal in turn
-Camera = Callable[[], Pixels]
 
 log = logging.getLogger(__name__)
 
@@ -153,7 +152,7 @@ class Signal:
         return warnings
 
 
-def record(config: Config, folder: ClassFolder, camera: Camera | None) -> None:
+def record(config: Config, folder: ClassFolder, camera: Callable[[], Pixels] | None) -> None:
     """Make ``record.count`` recordings, or as many as there are before a source ends.
 
     Args:
@@ -168,7 +167,7 @@ def record(config: Config, folder: ClassFolder, camera: Camera | None) -> None:
     settings, done = config.record, 0
     with ExitStack() as stack:
         signals = [
-            stack.enter_context(open_signal(config, modality))
+            stack.enter_context(_open_signal(config, modality))
             for modality in ("haptic", "sound")
             if modality in config.files
         ]
@@ -189,8 +188,7 @@ def record(config: Config, folder: ClassFolder, camera: Camera | None) -> None:
     log.info("The source has ended after %d of %d recordings.", done, settings.count)
 
 
-def open_signal(config: Config, modality: str) -> Signal:
-    """Open the source of one modality."""
+def _open_signal(config: Config, modality: str) -> Signal:
     name = str(config.files[modality])
     source = open_source(modality, name, getattr(config.record, modality))
     return Signal(modality, f"{modality}={name}", source, config.record.timeout)

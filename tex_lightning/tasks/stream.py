@@ -25,7 +25,6 @@ KEYS = (
     "label", "rejected", "probability", "confidence", "fragments", "novelty", "warnings",
     "latency_ms",
 )  # fmt: skip
-PIPE = "-"
 
 log = logging.getLogger(__name__)
 Chunk = npt.NDArray[np.floating]
@@ -73,7 +72,7 @@ def _open(config: Config, sense: SignalSense, file: str) -> tuple[float, Iterato
 
     Standard input has the rate ``data.file_rate``, or the checkpoint's.
     """
-    if file == PIPE:
+    if file == "-":
         rate = config.data.file_rate or sense.decoder.sampling_rate
         size = max(1, round(config.stream.chunk * rate))
         return rate, _from_standard_input(config.stream.axes, size)
