@@ -237,11 +237,10 @@ def run_job(composed: DictConfig) -> float | None:
     swept = job.origin == "sweep"
     if swept:
         _check_search(composed, job)
+        (job.directory / FAILURE).unlink(missing_ok=True)
     place = OmegaConf.select(job.hydra, "hydra.sweep.dir") if swept else job.directory
     again = f"hydra.{'sweep' if swept else 'run'}.dir={place}"
     STARTED.append((job.directory, "" if composed.task in NO_FOLDER else again))
-    if swept:
-        (job.directory / FAILURE).unlink(missing_ok=True)
     try:
         return run_task(composed, job)
     except Exception as error:

@@ -129,10 +129,9 @@ class Job:
 
 
 def current_job(*, python: bool = False) -> Job:
-    """Return the job that Hydra has just begun; nothing below asks Hydra again.
+    """Return the job that Hydra has just begun, for a command line or for a program in Python.
 
-    Args:
-        python: Whether a program in Python runs it.
+    Nothing below asks Hydra again.
     """
     hydra = HydraConfig.get()
     # as they were typed: an interpolation has its meaning at its key, and none in a list of texts

@@ -235,11 +235,7 @@ def trusted_class(where: str, node: Mapping[str, Any]) -> type[Any]:
 def make(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: ANN401
     """Make the object that a node of a card describes: its class, called with its values.
 
-    Args:
-        where: Key of the node, for messages.
-        node: ``_target_`` and arguments, which may be such nodes again.
-        offered: Further arguments, of which those are passed that the class takes and the node
-            does not give.
+    The arguments are those of :func:`build`.
 
     Raises:
         UserError: If the class is not trusted, or a value is none that a card may hold or that the

@@ -36,12 +36,7 @@ def node_complaints(where: str, node: Node) -> Iterator[str]:
 
 
 def takers(sense: Node, *classes: str) -> Iterator[tuple[Node, Signature | None]]:
-    """Yield nodes of a sense that take its keys, each with the signature of its class.
-
-    Args:
-        sense: The section.
-        classes: Further classes, whose keys it may have too.
-    """
+    """Yield nodes of a sense, and of further classes, that take its keys, with signatures."""
     for node in [*filter(is_node, sense.values()), *({TARGET: name} for name in classes)]:
         yield node, read_signature(node[TARGET])
 

@@ -102,11 +102,7 @@ def named_model(name: str) -> str:
 
 
 def swept_keys(directory: Path) -> list[str]:
-    """Return the keys that a sweep varies, in the order in which they were given.
-
-    Args:
-        directory: Run folder of one of its jobs; that of a single run has none.
-    """
+    """Return the keys that the sweep of a run folder varies, as they were given; else none."""
     hydra = hydra_settings(directory)
     if hydra.get("mode") != "MULTIRUN":
         return []

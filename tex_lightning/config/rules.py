@@ -127,11 +127,7 @@ def _unread(config: Config, key: str, tasks: Sequence[str]) -> Rule:
 
 
 def check_typed(config: Config, sets: Callable[[str], bool]) -> None:
-    """Reject a key that only another task reads.
-
-    Args:
-        config: A checked configuration.
-        sets: Whether a command sets a dotted key, as :meth:`.Job.sets` says.
+    """Reject a key that only another task reads, where the command ``sets`` it (:meth:`.Job.sets`).
 
     Raises:
         UserError: If there is one.

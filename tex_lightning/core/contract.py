@@ -42,13 +42,7 @@ CONTRACTS = {
 
 @contextmanager
 def calling(key: str, kind: str, part: object) -> Iterator[None]:
-    """Add the key and the contract of a class to its exceptions, shown before the traceback.
-
-    Args:
-        key: Key of the class in the configuration.
-        kind: One of :data:`CONTRACTS`.
-        part: Part that is called.
-    """
+    """Add the key and the contract of a :data:`Part` to its exceptions, before the traceback."""
     try:
         yield
     except UserError:
@@ -187,14 +181,7 @@ def check_call(part: Part, called: Callable[..., object], *arguments: str) -> No
 
 
 def breach(key: str, kind: str, part: object, why: str) -> UserError:
-    """Return the error for a class that does not keep its contract.
-
-    Args:
-        key: Key of the class in the configuration.
-        kind: One of :data:`CONTRACTS`.
-        part: Part that is at fault.
-        why: Violation, such as "returned a list".
-    """
+    """Return the error for a :data:`Part` that "returned a list", or what else ``why`` says."""
     return UserError(f"{key} ({_name(part)}) {why}; {CONTRACTS[kind]}.")
 
 

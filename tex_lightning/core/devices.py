@@ -48,12 +48,7 @@ def pick_device(accelerator: str) -> torch.device:
 
 
 def computing_device(accelerator: str, baselines: Iterable[bool]) -> torch.device:
-    """Return the device on which classifiers compute, of which baselines take the CPU.
-
-    Args:
-        accelerator: As in :func:`pick_device`.
-        baselines: Whether each classifier is a baseline; some networks among them decide.
-    """
+    """Return the device on which classifiers compute: the CPU where all of them are baselines."""
     return torch.device("cpu") if all(baselines) else pick_device(accelerator)
 
 

@@ -77,12 +77,9 @@ def slurm_tasks() -> int:
 
 @contextmanager
 def joining(processes: int) -> Iterator[None]:
-    """Let this process take its place among those that train one network, or be alone.
+    """Let this process take its place among so many that train one network, or be alone (1).
 
     The rank stays until the next run of this process, so that an error is said once.
-
-    Args:
-        processes: Number of processes that train together; 1 for whatever runs alone.
     """
     together, number = processes > 1 and started_processes() == processes, 0
     given: dict[str, str] = {}

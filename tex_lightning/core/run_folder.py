@@ -130,10 +130,7 @@ def subject(*, _root_: DictConfig) -> str:
     """Return what a run works on, for its folder.
 
     That are the systems of a stability test, a family of systems, whose checkpoint is taken, or
-    the configured model.
-
-    Args:
-        _root_: The whole configuration, which OmegaConf gives.
+    the configured model. OmegaConf gives the whole configuration.
     """
     task, source = _root_.task, OmegaConf.select(_root_, "checkpoint")
     if task == "stability" and (systems := OmegaConf.select(_root_, "stability.systems")):

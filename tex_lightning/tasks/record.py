@@ -155,11 +155,7 @@ class Signal:
 def record(config: Config, folder: ClassFolder, camera: Callable[[], Pixels] | None) -> None:
     """Make ``record.count`` recordings, or as many as there are before a source ends.
 
-    Args:
-        config: The whole configuration.
-        folder: Where they are written.
-        camera: Function that takes a photo at the beginning of each; None takes none. Photos alone
-            are ``record.seconds`` apart.
+    The camera takes a photo at the beginning of each; photos alone are ``record.seconds`` apart.
 
     Raises:
         UserError: If a source cannot be used, or ends before one recording is whole.
