@@ -32,7 +32,10 @@ from tex_lightning_runtime.tables import HEADER, SUFFIXES, read_table, separate_
 from tex_lightning_runtime.times import TableError
 
 DAMAGE = (ValueError, EOFError, OSError, LookupError, MemoryError)
-AXIS = re.compile(r"(|.*[_. -]|.*[a-z](?=[XYZ]))([XYZxyz])((?:[_. -][^_. -]+)?\.\w+)")
+AXIS = re.compile(
+    r"(|.*[_. -]|.*[a-z](?=[XYZ])|(?:.*[_. -])?(?:[A-Za-z]|acc|gyro?|mag|force|torque)(?=[xyz]))"
+    r"([XYZxyz])((?:[_. -][^_. -]+)?\.\w+)"
+)
 _HEADERS = Lock()  # Python 3.11 parses one in two threads at once with a SystemError
 # Samples in any order, or (axes, samples) by name; their rate in Hz if the file states it; notes.
 Raw = tuple[Array | dict[str, Array], float | None, tuple[str, ...]]
@@ -85,7 +88,7 @@ def axis_files(path: Path) -> tuple[Path, ...]:
     """List the files of one recording: three if its axes lie apart, as in LMT-108, else itself.
 
     Files are axes of one recording if their names differ in ``X``, ``Y``, ``Z`` at their end or
-    before the last part (``G1Mesh_Movement_X_train1.txt``, ``1_x.csv``, ``accX.csv``, ``x.csv``).
+    before the last part (``G1Mesh_Movement_X_train1.txt``, ``1_x.csv``, ``1_ax.csv``).
     Any of them stands for all. X and Y may be alone; else all are needed if there are two.
     """
     match = AXIS.fullmatch(path.name)

@@ -81,8 +81,8 @@ def test_axes_in_three_files_are_one_trace(tmp_path):
         SIGNAL.decode(files[0])
     files[2].unlink()
     assert SIGNAL.decode(files[0])[0].shape == (1, 700)
-    for form in ("1_{}.csv", "{}.csv", "{}_2.csv", "acc{}.txt"):
-        named = [tmp_path / form.format(a if "acc" in form else a.lower()) for a in "XYZ"]
+    for form in ("1_{}.csv", "{}.csv", "{}_2.csv", "acc{}.txt", "1_a{}.csv", "gyro{}_1.csv"):
+        named = [tmp_path / form.format(a if form == "acc{}.txt" else a.lower()) for a in "XYZ"]
         np.savetxt(named[0], AXES[0], fmt="%.9g")
         assert axis_files(named[0]) == (named[0],)
         np.savetxt(named[1], AXES[1], fmt="%.9g")

@@ -106,16 +106,23 @@ def test_two_axes_of_three_stay_one_recording(tmp_path):
         ("a/1_acc.csv", "a/1_gyro.csv", "{label}/*acc*.csv"),
         ("a/haptic/Acc1.csv", "a/haptic/Gyroscope1.csv", "{label}/{modality}/*Acc*.csv"),
         ("a/image/1_rgb.png", "a/image/1_depth.png", "{label}/{modality}/*depth*.png"),
+        ("a/imu_1.csv", "a/pro_1.csv", "{label}/*imu*.csv"),
+        ("a/1_ch1.csv", "a/1_ch2.csv", "{label}/*ch1*.csv"),
     ],
 )
 def test_files_of_two_sensors_are_no_two_recordings(tmp_path, one, other, pattern):
-    touch(tmp_path, one, other, one.replace("1", "2"), other.replace("1", "2"))
+    touch(tmp_path, *(name.replace("1", n, 1) for name in (one, other) for n in "12"))
     with pytest.raises(UserError, match=f"of two sensors .*pattern='{re.escape(pattern)}'"):
         read_folder(tmp_path)
     table, _ = read_names(tmp_path, pattern)
     assert len(table) == len({row.group for row in table}) == 2
     with pytest.raises(UserError, match="of two sensors"):
         read_names(tmp_path, "{label}/*" if one.count("/") == 1 else "{label}/*/*")
+
+
+def test_a_number_behind_a_sensor_may_be_that_of_a_recording(tmp_path):
+    touch(tmp_path, "a/sensor1.wav", "a/sensor2.wav", "b/sensor1.wav", "b/imu_1.csv", "b/imu_2.csv")
+    assert len(read_folder(tmp_path)) == 5
 
 
 def test_recordings_beside_the_classes_are_told_and_tables_are_not(tmp_path):

@@ -20,14 +20,13 @@ from tex_lightning.data.readers.layout import (
     VERSIONS,
     advise,
     by_pattern,
-    check_sensors,
     doubts,
     flat_patterns,
     is_called,
     is_sense,
     tables_of_labels,
-    without_versions,
 )
+from tex_lightning.data.readers.siblings import check_sensors, without_versions
 from tex_lightning.data.recordings import (
     MODALITIES,
     Recording,

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from tex_lightning.data.manifest import names_recordings
 from tex_lightning.data.recordings import MODALITIES, Recording, Recordings, is_hidden, sense_called
-from tex_lightning.errors import UserError, listed
+from tex_lightning.errors import listed
 from tex_lightning_runtime.files import expanded
 
 SPLITS = {"train", "training", "val", "valid", "validation", "test", "testing", "eval"}
@@ -30,11 +30,6 @@ VERSIONS = PLAIN | {  # of one recording
     "kopie", "bak",
 }  # fmt: skip
 FILLERS = {"data", "dataset", "set", "recordings", "samples", "files", "folder", "of"}
-SENSOR = re.compile(
-    r"(?<![a-z])(?:acc|accel[a-z]*|gyro[a-z]*|mag|magnet[a-z]*|gravity|orientation|force|torque|pressure"
-    r"|temp|temperature|audio|sound|mic|microphone|haptic|tactile|vibration|rgb|depth|mask)(?![a-z])",
-    re.IGNORECASE,
-)  # in the names of files beside each other
 SEPARATORS = "_- "
 MEANT = {  # names of folders and of modalities that are none of the package's
     **dict.fromkeys(("acc", "accel", "acceleration", "accelerometer", "vibration", "tactile",
@@ -237,62 +232,6 @@ def _by_parts(names: Sequence[Sequence[str]], mark: str) -> list[tuple[list[str]
         ]
         told.append((plain[at], mark.join(parts)))
     return told
-
-
-def check_sensors(root: Path, rows: Sequence[Recording]) -> None:
-    """Reject files of several sensors of one recording, which would be recordings of their own.
-
-    Raises:
-        UserError: Naming two whose names differ in words such as ``acc`` and ``gyro``.
-    """
-    seen: dict[object, Path] = {}
-    for row in rows:
-        key = (
-            row.modality,
-            row.label,
-            row.conditions,
-            row.path.with_name(SENSOR.sub("*", row.path.name)),
-        )
-        first = seen.setdefault(key, row.path)
-        word = SENSOR.search(first.name)
-        if first != row.path and word:
-            raise UserError(
-                f"{first} and {row.path.name} are of two sensors by their names; write the columns "
-                "of one recording into one file, or choose a sensor: "
-                f"{advise(root, [first], f'*{word[0]}*')}."
-            )
-
-
-def without_versions(root: Path, rows: Sequence[Recording]) -> Recordings:
-    """Leave out further versions of recordings, such as ``1_filtered.csv`` beside ``1_raw.csv``.
-
-    Returns:
-        Of each recording the version without such a word, or else the raw one; a note names others.
-    """
-    versions: dict[object, dict[frozenset[str], list[Recording]]] = defaultdict(dict)
-    for row in rows:
-        named = words(row.path.relative_to(root).with_suffix("").as_posix())
-        said = frozenset(named) & VERSIONS
-        plain = tuple(word for word in named if word not in said and not (said and word == "of"))
-        same = versions[row.label, row.modality, row.conditions, plain]
-        same.setdefault(said, []).append(row)
-    left: set[Recording] = set()
-    for same in versions.values():
-        kept = min(same, key=lambda said: (bool(said), not said & PLAIN, sorted(said)))
-        left.update(row for said, several in same.items() if said != kept for row in several)
-    table = Recordings(tuple(row for row in rows if row not in left))
-    if not left:
-        return table
-    first = next(row for row in rows if row in left)
-    stem, name = first.path.stem, "*"
-    for word in sorted(VERSIONS & {*words(stem)}):  # else a folder has it
-        at = stem.casefold().index(word)
-        name = f"*{stem[at : at + len(word)]}*"
-    note = (
-        f"{len(left)} files are left out as versions of recordings beside them by their names, "
-        f"such as {first.path}; to take them instead, {advise(root, [first.path], name)}."
-    )
-    return Recordings(table.rows, (note,))
 
 
 def doubts(root: Path, rows: Sequence[Recording]) -> list[str]:

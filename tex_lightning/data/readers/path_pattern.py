@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tex_lightning.data.manifest import FOLD, KNOWN, PART, RATE, sense_by_suffix
-from tex_lightning.data.readers.layout import check_sensors, without_versions
+from tex_lightning.data.readers.siblings import check_sensors, without_versions
 from tex_lightning.data.recordings import (
     Recording,
     Recordings,

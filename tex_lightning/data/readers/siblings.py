@@ -1,0 +1,77 @@
+"""Files beside each other that are of one recording: several sensors, or several versions."""
+
+import re
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+
+from tex_lightning.data.readers.layout import PLAIN, VERSIONS, advise, words
+from tex_lightning.data.recordings import Recording, Recordings
+from tex_lightning.errors import UserError
+
+SENSOR = re.compile(
+    r"(?<![a-z])(?:acc|accel[a-z]*|gyro[a-z]*|mag|magnet[a-z]*|gravity|orientation|force|torque|pressure"
+    r"|temp|temperature|audio|sound|mic|microphone|haptic|tactile|vibration|rgb|depth|mask|imu|pro|ft"
+    r"|gyr|gps|baro|emg)(?![a-z])",
+    re.IGNORECASE,
+)  # in the names of files beside each other
+NUMBERED = re.compile(r"(?<![a-z])(?:ch|chan|channel|axis|sensor|mic)\d+", re.IGNORECASE)
+
+
+def check_sensors(root: Path, rows: Sequence[Recording]) -> None:
+    """Reject files of several sensors of one recording, which would be recordings of their own.
+
+    Raises:
+        UserError: Naming two whose names differ in words such as ``acc`` and ``gyro``, or, as
+            others do, in the number behind one such as ``ch``.
+    """
+    named, numbered = _beside(rows, SENSOR), _beside(rows, NUMBERED)
+    for word, first, other in named or (numbered if len(numbered) > 1 else ()):
+        raise UserError(
+            f"{first} and {other.name} are of two sensors by their names; write the columns of one "
+            "recording into one file, or choose a sensor: "
+            f"{advise(root, [first], f'*{word}*')}."
+        )
+
+
+def _beside(rows: Sequence[Recording], sensor: re.Pattern[str]) -> list[tuple[str, Path, Path]]:
+    """Return files, two each, whose names differ in a word that is found alone, and this word."""
+    found: dict[object, list[tuple[str, Path]]] = defaultdict(list)
+    for row in rows:
+        if match := sensor.search(row.path.name):
+            rest = row.path.with_name(sensor.sub("*", row.path.name))
+            key = row.modality, row.label, row.conditions, rest
+            found[key].append((match[0], row.path))
+    return [(*same[0], same[1][1]) for same in found.values() if len(same) > 1]
+
+
+def without_versions(root: Path, rows: Sequence[Recording]) -> Recordings:
+    """Leave out further versions of recordings, such as ``1_filtered.csv`` beside ``1_raw.csv``.
+
+    Returns:
+        Of each recording the version without such a word, or else the raw one; a note names others.
+    """
+    versions: dict[object, dict[frozenset[str], list[Recording]]] = defaultdict(dict)
+    for row in rows:
+        named = words(row.path.relative_to(root).with_suffix("").as_posix())
+        said = frozenset(named) & VERSIONS
+        plain = tuple(word for word in named if word not in said and not (said and word == "of"))
+        same = versions[row.label, row.modality, row.conditions, plain]
+        same.setdefault(said, []).append(row)
+    left: set[Recording] = set()
+    for same in versions.values():
+        kept = min(same, key=lambda said: (bool(said), not said & PLAIN, sorted(said)))
+        left.update(row for said, several in same.items() if said != kept for row in several)
+    table = Recordings(tuple(row for row in rows if row not in left))
+    if not left:
+        return table
+    first = next(row for row in rows if row in left)
+    stem, name = first.path.stem, "*"
+    for word in sorted(VERSIONS & {*words(stem)}):  # else a folder has it
+        at = stem.casefold().index(word)
+        name = f"*{stem[at : at + len(word)]}*"
+    note = (
+        f"{len(left)} files are left out as versions of recordings beside them by their names, "
+        f"such as {first.path}; to take them instead, {advise(root, [first.path], name)}."
+    )
+    return Recordings(table.rows, (note,))
