@@ -21,12 +21,17 @@ from tex_lightning.studies.notes import (
         ({"oak": "ax", "elm": "ax", "ash": "force"}, ["ash alone has the axes force"]),
         ({"oak": "ax", "elm": "ax", "ash": ""}, []),
         ({"oak": "ax", "elm": "force"}, []),
+        ({"oak": "ax gx", "elm": "ax gx ax"}, ["2 of 5 have the axes gx"]),
     ],
 )
 def test_a_class_of_another_sensor_is_told(axes, told):
-    rows = tuple(Recording(label, "haptic", Path(label), 0) for label in axes)
+    rows = tuple(
+        Recording(label, "haptic", Path(name), 0)
+        for label, names in axes.items()
+        for name in names.split(" ")
+    )
     store = SimpleNamespace(
-        reading=lambda row: SimpleNamespace(axes=(axes[row.label],) if axes[row.label] else ())
+        reading=lambda row: SimpleNamespace(axes=(row.path.name,) if row.path.name else ())
     )
     notes = other_axes(Recordings(rows), store)
     assert [note.partition(",")[0] for note in notes] == told

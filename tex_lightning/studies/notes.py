@@ -60,21 +60,24 @@ def rate_warnings(signals: Recordings, store: Store) -> list[str]:
 
 
 def other_axes(signals: Recordings, store: Store) -> list[str]:
-    """Warn of classes whose columns have other names than those that other classes share."""
-    classes: dict[tuple[str, ...], set[str]] = defaultdict(set)
+    """Warn of classes, or files in every class, with other names of columns than others share."""
+    files: dict[tuple[str, ...], list[str]] = defaultdict(list)
     for row in signals:
         if axes := store.reading(row).axes:
-            classes[axes].add(row.label)
+            files[axes].append(row.label)
+    classes = {axes: {*labels} for axes, labels in files.items()}
     usual = max(classes, key=lambda axes: len(classes[axes]), default=())
     odd = {axes: [*labels - classes[usual]] for axes, labels in classes.items() if axes != usual}
     if len(classes.get(usual, ())) < 2:
         return []
+    remedy = "choose axes that all have by data.channels, or leave"
     return [
         f"{listed(sorted(labels))} alone has the axes {', '.join(axes)}, and other classes "
-        f"{', '.join(usual)}: sensors may be told apart in place of classes; choose axes that all "
-        "have by data.channels, or leave it out."
-        for axes, labels in odd.items()
+        f"{', '.join(usual)}: sensors may be told apart in place of classes; {remedy} it out."
         if labels
+        else f"{len(files[axes])} of {len(signals)} have the axes {', '.join(axes)}, and others "
+        f"{', '.join(usual)}: these are sensors side by side; {remedy} out one of them."
+        for axes, labels in odd.items()
     ]
 
 
