@@ -25,6 +25,9 @@ from tex_lightning_runtime.times import (
 
 FILLERS, BEYOND = (999.0, 9999.0, 99999.0), 10  # in place of what is missing; times all others
 MIN_ROW = 4  # samples in a line, or more, which may be of one signal
+TAKE = re.compile(  # words of a name that numbers recordings; arr_0 may as well be their times
+    r"(?:trial|run|rep|repetition|recording|stroke|take|swipe|sample|specimen|arr(?=-\d+-\d))-\d+"
+)
 IDLE, LIVELY = 0.75, 0.5  # shares of samples that equal the one before: of states, of signals
 
 
@@ -90,6 +93,7 @@ def separate(
     rows = ~blank if times is not None and not blank.all() else np.full(len(blank), True)
     samples = np.stack([_samples(column, rows) for column in axes])
     if channels is None:
+        _check_alone(axes)
         _check_order(axes, samples)
     found, said = Even(samples, rate or 0.0), rate_from if rate else ""
     cut = [] if rows.all() else [f"{(~rows).sum()} lines without numbers in its axes are left out"]
@@ -153,6 +157,17 @@ def _warned(axes: list[Column]) -> list[str]:
             how = "if it is time, call it time_s in the line of names, or time_us by its unit"
             return [f"{_title(axis)} rises at every sample and is read as an axis; {how}"]
     return []
+
+
+def _check_alone(axes: list[Column]) -> None:
+    """Reject recordings side by side, trial_1, trial_2, ..., or arr_0 and arr_1 of several axes."""
+    found = {c: match[0] for c in axes if c.named and (match := TAKE.match("-".join(c.words)))}
+    if len({*found.values()}) > 1:
+        first, *_, last = map(_title, found)
+        raise TableError(
+            f"has several recordings in {first} to {last}; write each into a file of its own, or "
+            "choose by data.channels"
+        )
 
 
 def _check_order(axes: list[Column], samples: Array) -> None:

@@ -107,6 +107,8 @@ def test_moments_are_times_and_fields_are_columns(tmp_path):
     [
         ({"X": SAMPLES, "y": SAMPLES[:9, 0]}, "it has X .300, 3., y .9,.; keep the signal"),
         ({"name": np.array("oak")}, "no array of numbers"),
+        ({"trial_1": SAMPLES, "trial_2": SAMPLES}, "several recordings in 'trial_1_1' to 'trial_2"),
+        ({"arr_0": SAMPLES, "arr_1": SAMPLES}, "several recordings in 'arr_0_1' to 'arr_1_3'; wr"),
         ({"a": np.zeros((3, 200, 70))}, "samples of 1 to 64"),
     ],
 )

@@ -853,7 +853,8 @@ def test_whole_numbers_are_axes_whatever_they_do(tmp_path, names):
     [
         "position_mm,force_N,z", "T,force,z", "T1,T2,T3", "temperature,b,c", "x,y,z", "depth,b,c",
         "time constant of the delta,y,z", "count,y,z", "n,y,z", "index finger,thumb,ring",
-        "tow,b,c", "pulse width (us),b,c", "speed m/s,b,c", "distance (m),b,c",
+        "tow,b,c", "pulse width (us),b,c",
+        "speed m/s,b,c", "distance (m),b,c", "trial_1,force,z",
         "sensor 1,sensor 2,sensor 3", "data,counts,raw", "target force,y,z",
     ],
 )  # fmt: skip
@@ -863,6 +864,12 @@ def test_what_rises_is_time_or_counter_only_by_its_name(tmp_path, names):
     samples, rate, reading = read_table(write(tmp_path, text))
     np.testing.assert_allclose(samples, [depth, *AXES[1:]], atol=1e-5)
     assert (rate, reading.left_out) == (None, ())
+
+
+def test_a_signal_that_is_called_one_over_time_is_an_axis(tmp_path):
+    samples, _, reading = read_table(write(tmp_path, table(X, Y, names="DE_time,FE_time\n")))
+    np.testing.assert_allclose(samples, AXES[:2])
+    assert reading.axes == ("DE_time", "FE_time")
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1"])
@@ -1017,6 +1024,10 @@ REFUSED = {
         table(times()[:60], *(column(np.sin(np.arange(k, 600, 10) / 9)) for k in range(10)),
               names="time," + ",".join(f"s{k}" for k in range(10)) + "\n"),
         "has one signal in 's0' to 's9', 10 samples a line; write one a line, or choose by",
+    ),
+    "recordings side by side": (
+        table(times(), *XYZ, names="t,trial_1,trial_2,trial_3\n"),
+        "has several recordings in 'trial_1' to 'trial_3'; write each into a file of its own, or",
     ),
     "remarks above again": (
         ("# fs=2000\n# x y z\n" + table(*XYZ, mark=" ")) * 2,
