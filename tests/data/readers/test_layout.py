@@ -128,6 +128,7 @@ def test_other_names_of_senses_are_told_as_names_and_not_as_groups(tmp_path):
     ("tops", "pattern"),
     [
         ("train test", "{split}/{label}_{group}.wav"),
+        ("fold1 fold2", "{split}/{label}_{group}.wav"),
         ("haptics sound", "{modality}/{label}_{group}.wav"),
         ("haptic", "{modality}/{label}_{group}.wav"),
         ("raw filtered", "raw/{label}_{group}.wav"),
@@ -147,16 +148,20 @@ def test_folders_beside_the_classes_that_are_none_are_left_out_and_told(tmp_path
         "Test data/1.wav",
         "code/a.py",
         "backup/oak/1.wav",
+        "old/1.wav",
         "ash/1.wav",
     )
     table = read_folder(tmp_path)
     assert table.classes == ["ash", "elm", "oak"]
     left = [note.partition(" is left out")[0] for note in table.notes]
-    assert left == [f"{tmp_path}/{name}" for name in ("Test", "Test data", "backup", "results")]
+    assert left == [
+        f"{tmp_path}/{name}" for name in ("Test", "Test data", "backup", "old", "results")
+    ]
     assert read_folder(touch(tmp_path / "two", "oak/1.wav", "test/1.wav")).classes == [
         "oak",
         "test",
     ]
+    assert read_folder(touch(tmp_path / "cloth", *crossed("hole fold stain"))).notes == ()
 
 
 @pytest.mark.parametrize(
@@ -168,6 +173,8 @@ def test_folders_beside_the_classes_that_are_none_are_left_out_and_told(tmp_path
         ("1.wav|1 - Copy.wav|Copy of 2.wav|2.wav", "1.wav 2.wav", "*Copy*"),
         ("1raw.csv 1filtered.csv aRaw.csv aEdited.csv", "1raw.csv aRaw.csv", "*filtered*"),
         ("raw_1.wav raw_2.wav", "raw_1.wav raw_2.wav", ""),
+        ("1.csv 1_labels.csv 2.csv 2_labels.csv", "1.csv 2.csv", "*labels*"),
+        ("1.wav 1_fft.csv", "1.wav", "*fft*"),
         ("1.wav|1 (1).wav|1 (2).wav", "1 (1).wav|1 (2).wav|1.wav", ""),
     ],
 )
@@ -185,6 +192,17 @@ def test_versions_of_a_recording_are_one_recording(tmp_path, names, kept, other)
         assert taken == {n for n in divided(names) if other.strip("*") in n}
         everything = read_names(tmp_path, "{label}/*")[0]
         assert [row.path.name for row in everything] == [row.path.name for row in table]
+
+
+def test_exports_of_a_phone_are_read_without_what_stands_beside_their_samples(tmp_path):
+    files = crossed("oak elm", "9.30 9.45", ending="Raw Data.csv")
+    beside = crossed("oak elm", "9.30 9.45", "meta", ending="time.csv")
+    touch(tmp_path, *files, *beside, *crossed("oak elm", "9.30 9.45", ending="Metadata.csv"))
+    with pytest.raises(UserError, match=r"but deeper: 8 \.csv") as caught:
+        read_folder(tmp_path)
+    (pattern,) = patterns(str(caught.value), tmp_path)
+    table = read_names(tmp_path, pattern)[0]
+    assert [row.path.relative_to(tmp_path).as_posix() for row in table] == sorted(files)
 
 
 def test_files_of_one_name_in_two_formats_are_one_group(tmp_path):

@@ -16,6 +16,7 @@ from pathlib import Path
 from tex_lightning.data.manifest import read_manifest
 from tex_lightning.data.readers.layout import (
     ASIDE,
+    READ_ME,
     SPLITS,
     VERSIONS,
     advise,
@@ -42,10 +43,6 @@ from tex_lightning_runtime.tables import SUFFIXES
 from tex_lightning_runtime.traces import TRACE_SUFFIXES, axis_files, stands_for_all
 
 SYSTEMS = ("Thumbs.db", "desktop.ini")  # files that are nobody's
-READ_ME = {  # text and tables beside recordings, of any suffix
-    "readme", "read_me", "readme_first", "license", "metadata", "index", "labels", "manifest",
-    "notes", "note", "comments", "description", "protocol", "summary",
-}  # fmt: skip
 PIECE = re.compile(  # ends of names of what was cut from one recording
     r"[_. -](seg(ment)?|chunk|part|win(dow)?|slice|clip|piece|crop|patch|tile|aug)s?[_. -]?\d+$",
     re.IGNORECASE,
@@ -236,6 +233,7 @@ def _deeper(directory: Path, recordings: Sequence[Recording]) -> list[Path]:
         path
         for path in sorted(directory.rglob("*"))
         if path.parent not in seen and path not in read and path.suffix.lower() in suffixes
+        and path.stem.casefold() not in READ_ME
         and not is_hidden(path, directory) and path.is_file()
     ]  # fmt: skip
 

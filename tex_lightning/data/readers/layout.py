@@ -16,20 +16,26 @@ from tex_lightning.data.recordings import MODALITIES, Recording, Recordings, is_
 from tex_lightning.errors import listed
 from tex_lightning_runtime.files import expanded
 
-SPLITS = {"train", "training", "val", "valid", "validation", "test", "testing", "eval"}
+SPLITS = {"train", "training", "val", "valid", "validation", "test", "testing", "eval", "fold"}
 ASIDE = SPLITS | {  # folders that are no classes, by their names
     "unlabelled", "unlabeled", "results", "result", "output", "outputs", "predictions", "figures",
     "plots", "code", "src", "scripts", "notebooks", "models", "checkpoints", "logs", "docs",
-    "backup", "backups", "calibration", "calib", "pycache", "macosx",
+    "backup", "backups", "calibration", "calib", "pycache", "macosx", "meta", "metadata", "old",
+    "tmp", "temp", "trash", "archive", "archived", "excluded", "discarded", "rejected", "unused",
 }  # fmt: skip
 PLAIN = {"raw", "original", "originals", "orig", "unfiltered"}
 VERSIONS = PLAIN | {  # of one recording
     "filtered", "filt", "lowpass", "highpass", "bandpass", "smoothed", "denoised", "cleaned",
     "processed", "preprocessed", "normalized", "normalised", "resampled", "downsampled", "cropped",
     "trimmed", "augmented", "resized", "thumb", "thumbs", "thumbnail", "edited", "copy",
-    "kopie", "bak",
+    "kopie", "bak", "fft", "psd", "spectrum", "spectrogram", "features", "labels", "annotations",
+    "timestamps", "meta", "metadata", "info", "notes",
 }  # fmt: skip
 FILLERS = {"data", "dataset", "set", "recordings", "samples", "files", "folder", "of"}
+READ_ME = {  # text and tables beside recordings, of any suffix
+    "readme", "read_me", "readme_first", "license", "metadata", "index", "labels", "manifest",
+    "notes", "note", "annotation", "annotations", "comments", "description", "protocol", "summary",
+}  # fmt: skip
 SEPARATORS = "_- "
 MEANT = {  # names of folders and of modalities that are none of the package's
     **dict.fromkeys(("acc", "accel", "acceleration", "accelerometer", "vibration", "tactile",
@@ -66,7 +72,8 @@ def advise(root: Path, paths: Sequence[Path], name: str = "*") -> str:
     if named := _named_in(root, paths):
         return named
     folders = {path: path.relative_to(root).parts[:-1] for path in paths}
-    kept = {p: f for p, f in folders.items() if not f or not is_called(f[0], ASIDE - SPLITS)}
+    aside = ASIDE - SPLITS
+    kept = {p: f for p, f in folders.items() if not any(is_called(part, aside) for part in f)}
     plain = [[part for part in parts if not is_sense(part)] for parts in (kept or folders).values()]
     depth = max(map(len, plain))
     levels = [[*dict.fromkeys(each[n] for each in plain if len(each) > n)] for n in range(depth)]
@@ -157,8 +164,9 @@ def words(name: str) -> list[str]:
 
 def is_called(name: str, known: set[str]) -> bool:
     """Return whether a name is of these words, beside numbers and words such as ``data``."""
-    said = [word for word in words(name) if not word.isdecimal() and word not in FILLERS]
-    return bool(said) and {*said} <= known
+    named = words(name)  # fold alone may be one of cloth
+    said = [word for word in named if not word.isdecimal() and word not in FILLERS]
+    return bool(said) and {*said} <= known and named != ["fold"]
 
 
 def _are(names: Sequence[str], known: set[str]) -> bool:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tex_lightning.data.manifest import FOLD, KNOWN, PART, RATE, sense_by_suffix
+from tex_lightning.data.readers.layout import READ_ME
 from tex_lightning.data.readers.siblings import check_sensors, without_versions
 from tex_lightning.data.recordings import (
     Recording,
@@ -68,7 +69,7 @@ def _files(root: Path) -> Iterator[Path]:
     suffixes = (*TRACE_SUFFIXES, *IMAGE_SUFFIXES)
     visible = (path for path in root.rglob("*") if not is_hidden(path, root))
     for path in sorted(visible, key=lambda path: natural_key(path.as_posix())):
-        usable = path.suffix.lower() in suffixes and path != root / "manifest.csv"
+        usable = path.suffix.lower() in suffixes and path.stem.casefold() not in READ_ME
         if usable and path.is_file() and stands_for_all(path):
             yield path
 
