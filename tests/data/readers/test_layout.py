@@ -291,6 +291,12 @@ def test_flat_files_are_told_by_the_mark_that_all_names_have(tmp_path):
         (["X_train.csv", "y_train.csv"], "LABEL/haptic/NUMBER.csv"),
         (["oak_1.csv", "oak_2.csv", "elm_1.csv", "elm_2.csv"], r"pattern='{label}_{group}.csv'"),
         (["X.npy", "Y.npy"], "write each row of X"),
+        (["X_train.csv", "y_train.csv", "X_test.csv", "s.csv"], "apart, X_train.csv and y_train"),
+        (
+            ["train/X_train.txt", "train/y_train.txt", "train/a/x.txt", "test/X_test.txt"],
+            "apart, train/X_train.txt",
+        ),
+        (["a_TRAIN.ts", "a_TEST.ts"], "Write the samples of each recording"),
     ],
 )
 def test_all_recordings_in_one_file_are_told_how_they_become_files(tmp_path, files, said):

@@ -27,7 +27,7 @@ from tex_lightning.data.readers.layout import (
     is_sense,
     tables_of_labels,
 )
-from tex_lightning.data.readers.siblings import check_sensors, without_versions
+from tex_lightning.data.readers.siblings import check_sensors, labels_apart, without_versions
 from tex_lightning.data.recordings import (
     MODALITIES,
     Recording,
@@ -61,7 +61,8 @@ CURES = {
     **dict.fromkeys((".xlsx", ".xls", ".ods", ".numbers"), TO_TABLE),
     **dict.fromkeys((".bag", ".db3", ".mcap"), TO_ARRAYS),
     **dict.fromkeys((".parquet", ".feather", ".pkl", ".pickle", ".tdms", ".c3d"), TO_ARRAYS),
-    **dict.fromkeys((".edf", ".bdf", ".arrow", ".nc", ".bin"), TO_ARRAYS),
+    **dict.fromkeys((".edf", ".bdf", ".arrow", ".nc", ".bin", ".xml"), TO_ARRAYS),
+    **dict.fromkeys((".ts", ".arff", ".json", ".jsonl"), TO_ARRAYS),
     **dict.fromkeys((".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".7z", ".rar"), TO_FILES),
     **dict.fromkeys((".dat", ".log", ".asc", ".prn"), TO_TEXT),
     **dict.fromkeys((".heic", ".heif", ".avif", ".gif", ".jp2", ".jxl"), TO_PHOTO),
@@ -162,8 +163,9 @@ def _class_folders(root: Path, notes: list[str]) -> list[Path]:
         paths = [path for folder in instead for path in _deeper(folder, ()) or _recorded(folder)]
         if paths:
             raise UserError(
-                f"Folder {root} has the folders {listed([folder.name for folder in instead])} in "
-                f"the place of classes; {advise(root, paths)}."
+                labels_apart(root, [path for folder in instead for path in _recorded(folder)])
+                or f"Folder {root} has the folders {listed([folder.name for folder in instead])} "
+                f"in the place of classes; {advise(root, paths)}."
             )
     if sum(1 + len(_folders(folder)) for folder in classes) < 2:
         return folders
@@ -183,12 +185,8 @@ def _nothing_in(root: Path, others: Sequence[Path], counted: Sequence[str]) -> s
     """Return the error for a folder without recordings: its files, and how to convert them."""
     flat = [path for path in _visible(root)
             if path.is_file() and path.name not in SYSTEMS]  # fmt: skip
-    names = {path.name.casefold() for path in flat}
-    if {"x.npy", "y.npy"} <= names:
-        return (
-            f"Folder {root} holds recordings and labels as two arrays, X.npy and y.npy; write each "
-            f"row of X into {root}/LABEL/haptic/NUMBER.npy with np.save (docs/data.md)."
-        )
+    if apart := labels_apart(root, flat):
+        return apart
     deep = [path for directory in _folders(root) for path in _deeper(directory, ())]
     if deep:
         return (

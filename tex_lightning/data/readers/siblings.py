@@ -1,4 +1,4 @@
-"""Files beside each other that are of one recording: several sensors, or several versions."""
+"""Files beside each other that belong together: sensors, versions, recordings and their labels."""
 
 import re
 from collections import defaultdict
@@ -75,3 +75,18 @@ def without_versions(root: Path, rows: Sequence[Recording]) -> Recordings:
         f"such as {first.path}; to take them instead, {advise(root, [first.path], name)}."
     )
     return Recordings(table.rows, (note,))
+
+
+def labels_apart(root: Path, files: Sequence[Path]) -> str:
+    """Return the error for recordings in one file and their labels in another; empty if not so."""
+    known = {str(path).casefold(): path for path in files}
+    for path in files:
+        kind = path.name[1:].casefold()  # and x.csv beside y.csv are axes
+        labels = known.get(str(path.with_name(f"y{kind}")).casefold())
+        if path.name[0] in "xX" and labels and re.fullmatch(r"\.npy|_?(train|test)\.\w+", kind):
+            return (
+                f"Folder {root} holds recordings and labels apart, {path.relative_to(root)} and "
+                f"{labels.name}; write each {'row of X' if kind == '.npy' else 'recording'} into "
+                f"{root}/LABEL/haptic/NUMBER{path.suffix} (docs/data.md, Recordings in one file)."
+            )
+    return ""
