@@ -45,13 +45,15 @@ SAMPLES = (
     "one file)"
 )
 MEANT = {  # other names of columns, in tables of labels as people have them
-    "path": ("path", "paths", "file", "files", "filename", "file_name", "file name", "filepath"),
+    "path": ("path", "paths", "file", "files", "filename", "file_name", "file name", "filepath",
+             "file_path", "fname", "slice_file_name"),
     "label": ("label", "labels", "class", "material", "category", "target", "surface", "texture",
               "class_name", "class name", "y"),
     "modality": ("modality",),
     "group": ("group",),
 }  # fmt: skip
 NEEDED = ("path", "label")
+META = ("meta", "metadata", "labels", "annotations")  # folders of tables beside their recordings
 SESSIONS = re.compile(  # names of conditions that groups may be
     r"(session|subject|participant|person|user|operator|patient|specimen|day|date)(s?|_?id|_?no)"
 )
@@ -61,9 +63,9 @@ def read_manifest(path: str | Path) -> Recordings:
     r"""Read a table from CSV with the columns ``label,modality,path,group``.
 
     Relative paths are relative to the manifest, and lines above the names may begin with ``#``; a
-    bare name may be that of the only such file below
-    it, with or without its suffix. Without a column ``modality`` photos are known by their suffix,
-    and all else is ``haptic``; without ``group`` files of one name are a group. A column ``rate``
+    bare name may be that of the only such file below it, or beside its folder ``meta``, with or
+    without its suffix. Without a column ``modality`` photos are known by their suffix, and all else
+    is ``haptic``; without ``group`` files of one name are a group. A column ``rate``
     (Hz) gives the rate of traces whose format states none. A column ``part``, such as ``0-0.5``, is
     the position of a recording in its file. A column ``fold`` fixes the folds: numbers from 0, or
     any other numbers or names, which are counted in natural order. All other columns are conditions
@@ -152,7 +154,8 @@ class _Files:
     @cached_property
     def _below(self) -> dict[str, list[Path]]:
         found: dict[str, list[Path]] = defaultdict(list)
-        for path in self.folder.rglob("*"):
+        beside = self.folder.name.casefold() in META
+        for path in (self.folder.parent if beside else self.folder).rglob("*"):
             if path.suffix.lower() in (*TRACE_SUFFIXES, *IMAGE_SUFFIXES) and is_file(path):
                 found[path.name].append(path)
                 found[path.stem].append(path)

@@ -268,6 +268,16 @@ def test_a_table_of_labels_is_told_and_read(tmp_path):
         read_folder(flat)
 
 
+@pytest.mark.parametrize("folder", ["audio", "audio/fold1"])
+def test_a_table_in_a_folder_of_its_own_is_told_and_read(tmp_path, folder):
+    root = touch(tmp_path, f"{folder}/1.wav", f"{folder}/2.wav", "meta/table.csv")
+    (root / "meta" / "table.csv").write_text(LABELS.replace("file", "slice_file_name"))
+    with pytest.raises(UserError, match=r"data\.manifest=\S+/meta/table\.csv reads it"):
+        read_folder(root)
+    table = read_manifest(root / "meta" / "table.csv")
+    assert [row.path for row in table] == [root / folder / "1.wav", root / folder / "2.wav"]
+
+
 def test_a_table_that_agrees_with_the_folders_is_not_told(tmp_path):
     root = touch(tmp_path, "oak/1.wav", "elm/2.wav")
     (root / "labels.csv").write_text(LABELS)

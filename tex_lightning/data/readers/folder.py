@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
-from tex_lightning.data.manifest import read_manifest
+from tex_lightning.data.manifest import META, read_manifest
 from tex_lightning.data.readers.layout import (
     ASIDE,
     READ_ME,
@@ -168,7 +168,7 @@ def _class_folders(root: Path, notes: list[str]) -> list[Path]:
                 f"in the place of classes; {advise(root, paths)}."
             )
     if sum(1 + len(_folders(folder)) for folder in classes) < 2:
-        return folders
+        return [folder for folder in folders if folder.name.casefold() not in META]
     for folder in aside:
         if _deeper(folder, ()) or _recorded(folder):
             notes.append(

@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from tex_lightning.data.manifest import names_recordings
+from tex_lightning.data.manifest import META, names_recordings
 from tex_lightning.data.recordings import MODALITIES, Recording, Recordings, is_hidden, sense_called
 from tex_lightning.errors import listed
 from tex_lightning_runtime.files import expanded
@@ -20,8 +20,9 @@ SPLITS = {"train", "training", "val", "valid", "validation", "test", "testing", 
 ASIDE = SPLITS | {  # folders that are no classes, by their names
     "unlabelled", "unlabeled", "results", "result", "output", "outputs", "predictions", "figures",
     "plots", "code", "src", "scripts", "notebooks", "models", "checkpoints", "logs", "docs",
-    "backup", "backups", "calibration", "calib", "pycache", "macosx", "meta", "metadata", "old",
-    "tmp", "temp", "trash", "archive", "archived", "excluded", "discarded", "rejected", "unused",
+    "backup", "backups", "calibration", "calib", "pycache", "macosx", "old", "tmp",
+    "temp", "trash", "archive", "archived", "excluded", "discarded", "rejected", "unused",
+    *META,
 }  # fmt: skip
 PLAIN = {"raw", "original", "originals", "orig", "unfiltered"}
 VERSIONS = PLAIN | {  # of one recording
@@ -195,7 +196,8 @@ def _sense_token(part: str) -> str:
 
 def tables_of_labels(root: Path) -> Iterable[Recordings]:
     """Yield the tables in a folder that name recordings and their classes, noting how to read."""
-    for path in sorted(root.glob("*")):
+    inside = [path for folder in META for path in root.glob(f"{folder}/*")]
+    for path in sorted([*root.glob("*"), *inside]):
         if not is_hidden(path, root) and (table := names_recordings(path)) is not None:
             note = (
                 f"the table {path.name} names recordings and their classes; "
