@@ -36,6 +36,7 @@ AXIS = re.compile(
     r"(|.*[_. -]|.*[a-z](?=[XYZ])|(?:.*[_. -])?(?:[A-Za-z]|acc|gyro?|mag|force|torque)(?=[xyz]))"
     r"([XYZxyz])((?:[_. -][^_. -]+)?\.\w+)"
 )
+NUMPY = b"\x93NUMPY"  # with which an array begins
 _HEADERS = Lock()  # Python 3.11 parses one in two threads at once with a SystemError
 # Samples in any order, or (axes, samples) by name; their rate in Hz if the file states it; notes.
 Raw = tuple[Array | dict[str, Array], float | None, tuple[str, ...]]
@@ -170,6 +171,10 @@ def _read_array(path: Path) -> Raw:
         raise ValueError("it is no whole array of numbers as np.save writes it") from error
     if not isinstance(array, np.ndarray):
         raise ValueError("it is an .npz archive; call it .npz")
+    with path.open("rb") as stream:
+        stream.seek(getattr(array, "offset", 0) + array.nbytes)
+        if stream.read(len(NUMPY)) == NUMPY:
+            raise ValueError("it holds several arrays; save each into a file of its own")
     if array.dtype.names and array.size <= MAX_SAMPLES:
         return _signals(*signals_of({name: array[name] for name in array.dtype.names}))
     if array.dtype.kind not in "fiu":

@@ -87,6 +87,14 @@ def test_objects_beside_a_signal_are_left_out_and_alone_refused(tmp_path):
         read_samples(tmp_path / "b.npy")
 
 
+def test_arrays_behind_each_other_in_one_file_are_refused(tmp_path):
+    with (tmp_path / "a.npy").open("wb") as file:
+        np.save(file, SAMPLES)
+        np.save(file, SAMPLES)
+    with pytest.raises(UserError, match="several arrays; save each into a file of its own"):
+        read_samples(tmp_path / "a.npy")
+
+
 def test_moments_are_times_and_fields_are_columns(tmp_path):
     moments = np.datetime64("2026-11-28T10:00") + np.arange(300) * np.timedelta64(2, "ms")
     signal = read_samples(save(tmp_path / "a.npz", time=moments, acc=SAMPLES))
