@@ -27,22 +27,24 @@ def check_sensors(root: Path, rows: Sequence[Recording]) -> None:
     """
     named, numbered = _beside(rows, SENSOR), _beside(rows, NUMBERED)
     for word, first, other in named or (numbered if len(numbered) > 1 else ()):
+        remedy = "write the columns of one recording into one file"
+        if first.suffix != other.suffix:
+            remedy = "move what is no haptic recording into a folder of its sense, such as sound"
         raise UserError(
-            f"{first} and {other.name} are of two sensors by their names; write the columns of one "
-            "recording into one file, or choose a sensor: "
-            f"{advise(root, [first], f'*{word}*')}."
+            f"{first} and {other.name} are of two sensors by their names; {remedy}, or choose a "
+            f"sensor: {advise(root, [first], f'*{word}*')}."
         )
 
 
 def _beside(rows: Sequence[Recording], sensor: re.Pattern[str]) -> list[tuple[str, Path, Path]]:
     """Return files, two each, whose names differ in a word that is found alone, and this word."""
-    found: dict[object, list[tuple[str, Path]]] = defaultdict(list)
+    found: dict[object, dict[str, Path]] = defaultdict(dict)
     for row in rows:
-        if match := sensor.search(row.path.name):
-            rest = row.path.with_name(sensor.sub("*", row.path.name))
-            key = row.modality, row.label, row.conditions, rest
-            found[key].append((match[0], row.path))
-    return [(*same[0], same[1][1]) for same in found.values() if len(same) > 1]
+        if match := sensor.search(row.path.stem):
+            rest = row.path.with_name(sensor.sub("*", row.path.stem))
+            found[row.modality, row.label, row.conditions, rest].setdefault(match[0], row.path)
+    several = ([*same.items()][:2] for same in found.values() if len(same) > 1)
+    return [(word, first, other) for (word, first), (_, other) in several]
 
 
 def without_versions(root: Path, rows: Sequence[Recording]) -> Recordings:
