@@ -280,6 +280,10 @@ def _sessions_as_classes(root: Path, rows: Sequence[Recording]) -> list[str]:
     if 1 < len(stems) <= len(names) / 2 and all(re.search(r"\d$", name) for name in names):
         pattern = f"{{label}}{tail}{{group}}/{inside}*{path.suffix}"
         return [f"{listed(names)} are classes of their own; {by_pattern(root, (stems, pattern))}."]
+    if crossed := _crossed(names):
+        pattern = f"{{label}}{crossed[1]}{{group}}/{inside}*{path.suffix}"
+        told = by_pattern(root, (crossed[0], pattern))
+        return [f"{listed(names)} are classes of their own; {told}."]
     files: dict[str, set[str]] = defaultdict(set)
     for row in rows:
         files[row.label].add(row.path.stem)
@@ -292,6 +296,15 @@ def _sessions_as_classes(root: Path, rows: Sequence[Recording]) -> list[str]:
         pattern = f"{{group}}/{inside}{{label}}{tail}{'*' if tail else '{take}'}{path.suffix}"
         return [f"{listed(names)} are read as the classes; {by_pattern(root, (heads, pattern))}."]
     return []
+
+
+def _crossed(names: Sequence[str]) -> tuple[list[str], str] | None:
+    """Return what oak_wet, oak_dry, elm_wet, ... begin with, and the mark before their ends."""
+    for mark in SEPARATORS:
+        heads, ends = ({name.rpartition(mark)[at] for name in names} for at in (0, 2))
+        if "" not in heads and 1 < len(heads) < len(names) == len(heads) * len(ends):
+            return sorted(heads), mark
+    return None
 
 
 def _without_numbers(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
