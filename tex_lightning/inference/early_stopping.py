@@ -108,7 +108,7 @@ def is_local(sense: Sense) -> bool:
 class SequentialDecision:
     """A decider that stops as soon as it is confident; see the module.
 
-    ``full`` computes the scores; its mean probability reaches no ``confidence_threshold`` of 1.
+    ``full`` computes the scores. A ``confidence_threshold`` of 1 is never reached.
     """
 
     def __init__(self, full: SurfaceClassifier, config: DecisionConfig, costs: Costs) -> None:
