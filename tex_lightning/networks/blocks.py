@@ -269,7 +269,7 @@ class FittedLater(nn.Module):
         self.note()
 
     def note(self) -> None:
-        """Note what is asked often of the values, which were taken or loaded; nothing here."""
+        """Keep what is asked often, after values were taken or loaded; here there is nothing."""
 
     def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *rest: Any) -> None:  # noqa: ANN401
         """Take the sizes of what is loaded; checkpoints of before have none."""

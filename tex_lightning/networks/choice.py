@@ -175,8 +175,8 @@ class LineFit:
     ) -> float:
         """Return the scale of scores as :func:`sharpness_of` does, by the largest part alone.
 
-        The classes are too many for a fit without each of the ``parts`` (rows,) of a ridge of all
-        classes, or the rows: by more of these scores become smaller.
+        The classes or rows of the ridge are too many for a fit without each of their ``parts``
+        (rows,): by more of these scores become smaller.
         """
         out = parts == parts[parts >= 0].mode().values
         labels = ridge.labels

@@ -28,14 +28,12 @@ class FastResponseNorm(nn.Module):
     of the image with the channels innermost, which stay in the cache.
 
     Args:
-        layer: PyTorch's layer, of size 5 and beta 0.75 as in AlexNet.
+        layer: PyTorch's layer, one that :meth:`fits`.
         in_place: Whether an input with the channels innermost may be overwritten.
     """
 
     def __init__(self, layer: nn.LocalResponseNorm, *, in_place: bool = False) -> None:
         super().__init__()
-        if not self.fits(layer):
-            raise ValueError(f"size {layer.size} and beta {layer.beta} are not those of AlexNet")
         self.scale, self.k = layer.alpha / layer.size, layer.k
         self.layer, self.in_place = layer, in_place
 

@@ -186,7 +186,7 @@ class FusionNet(FusionLayer):
     def forward(self, *inputs: Tensor, tuples: Tensor | None = None) -> Tensor:
         """Return class scores before softmax (B, classes, P) of the network input of each sense.
 
-        Which positions ``tuples`` are is said by :meth:`fuse`.
+        Their positions are the ``tuples`` of :meth:`fuse`.
         """
         return self.fuse(self.parts(*inputs), tuples)
 

@@ -184,10 +184,11 @@ def smallest_side(windows: Sequence[Window], places: int = 1) -> int:
 
 
 def affordable(windows: Layers, most: int | None) -> int | None:
-    """Return the largest H * W of a piece, ``most`` unless a piece would be mostly margin.
+    """Return the largest H * W of a piece, raised where a piece would be mostly margin.
 
-    The receptive field of EfficientNet-Lite2 is 1307 pixels along each axis: with pieces of two
-    million pixels, a photo of eight million would be computed 178 times over.
+    ``most`` is what was asked for; None does not divide. The receptive field of EfficientNet-Lite2
+    is 1307 pixels along each axis: with pieces of two million pixels, a photo of eight million
+    would be computed 178 times over.
     """
     return most and max(most, prod(MARGINS * receptive_field(axis) for axis in windows))
 

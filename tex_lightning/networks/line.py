@@ -224,7 +224,7 @@ class LineOrPlanes(nn.Sequential):
 def weighed(x: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
     """Return scores (B, classes, M, N) of features (B, D, M, N), which a convolution would copy.
 
-    The weights are its: (classes, D, 1, 1), and biases (classes,).
+    The weights are a convolution's (classes, D, 1, 1), the biases (classes,).
     """
     scores = weight.flatten(1) @ x.flatten(2) + bias[:, None]
     return scores.reshape(x.shape[0], -1, *x.shape[2:])

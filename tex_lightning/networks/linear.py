@@ -273,7 +273,7 @@ class LinearNet(nn.Module):
     def _fit_range(self, examples: Examples, rows: Tensor, most: int) -> None:
         """Fit the range of the features to rows (rows, D) of recordings, or of their fragments.
 
-        ``most`` fragments has the longest recording that is short.
+        Short recordings have up to ``most`` fragments.
         """
         if len(rows) != len(examples.inputs):
             every = torch.split(rows, [features.shape[-1] for features in examples.inputs])

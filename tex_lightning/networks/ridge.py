@@ -87,7 +87,7 @@ class Ridge:
             ridge: The ridge.
             some: (rows,) whether each row is fitted to.
         """
-        kernel = products.gram  # then as after what the fit does to the features
+        kernel = products.gram  # of rows, then as after what the fit does to their features
         if penalty:
             variances = penalty * products.variances
             kernel = (
