@@ -66,12 +66,8 @@ class UsualBands(nn.Module):
     def without_empty(self, logs: Tensor, mean: Tensor) -> tuple[Tensor, Tensor]:
         """Return log bands (axes, frames, bands) with NaN for empty ones, and the frames' mean.
 
-        Empty bands would change the mean, and with it all others, so they count there as they
-        usually are beside the others.
-
-        Args:
-            logs: (axes, frames, bands).
-            mean: (axes, frames, 1) of all bands.
+        Empty bands would change the mean (axes, frames, 1), and with it all others, so they count
+        there as they usually are beside the others.
         """
         if not self.known:
             return logs, mean
@@ -102,7 +98,7 @@ class UsualBands(nn.Module):
         return any(bool(responses[:, place].isnan().any()) for place in self.highest)
 
     def fill(self, responses: Tensor, found: Tensor, kept: Tensor) -> tuple[Tensor, Tensor]:
-        """Put what is usual in the place of empty bands.
+        """Return ``found`` and ``kept`` with what is usual in the place of empty bands.
 
         Thresholds are quantiles, so that the usual proportions above them are known.
 
@@ -110,9 +106,6 @@ class UsualBands(nn.Module):
             responses: Comparisons (frames, channels), NaN where a band is empty.
             found: What of them is above the thresholds (frames, thresholds, channels).
             kept: Those whose mean, or mean and deviation, are features (frames, some channels).
-
-        Returns:
-            ``found`` and ``kept``.
         """
         empty, count = responses.isnan(), found.shape[1]
         shares = 1 - (torch.arange(count, device=found.device) + 0.5) / count
