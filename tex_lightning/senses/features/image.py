@@ -44,8 +44,7 @@ class ImageFeatures(nn.Module):
             patch: Pixels in the middle that are kept along each axis.
         """
         turned = self.mean.new_empty(len(crops), 3, patch, patch)
-        results = torch.split(turned, _together(crops))
-        for pixels, result in zip(_turned(crops, degrees, patch), results, strict=True):
+        for result, pixels in _turned(crops, degrees, turned):
             torch.addcmul(self.shift, pixels, self.scale, out=result)
         return turned
 
@@ -53,30 +52,27 @@ class ImageFeatures(nn.Module):
 def rotated_photos(crops: Tensor, degrees: Tensor, patch: int) -> Tensor:
     """Rotate crops as :meth:`ImageFeatures.rotated`, to photos (batch, 3, patch, patch) uint8."""
     turned = crops.new_empty(len(crops), 3, patch, patch)
-    results = torch.split(turned, _together(crops))
-    for pixels, result in zip(_turned(crops, degrees, patch), results, strict=True):
+    for result, pixels in _turned(crops, degrees, turned):
         result.copy_(pixels.round_())
     return turned
 
 
-def _together(crops: Tensor) -> int:
-    """Return the number of photos rotated together: one for each thread of a CPU and its cache."""
-    return torch.get_num_threads() if crops.device.type == "cpu" else max(1, len(crops))
-
-
-def _turned(crops: Tensor, degrees: Tensor, patch: int) -> Iterator[Tensor]:
-    """Yield pixels 0 to 255 (some, 3, patch, patch) of the middles of crops at their angles."""
+def _turned(crops: Tensor, degrees: Tensor, turned: Tensor) -> Iterator[tuple[Tensor, Tensor]]:
+    """Yield places in results (batch, 3, patch, patch), and pixels 0 to 255 of crops for them."""
+    patch = turned.shape[-1]
     half = (crops.shape[-1] - 1) / 2  # from the centre to the middle of the last pixel
     offset = (torch.arange(patch, device=crops.device) - (patch - 1) / 2) / half
     angle = torch.deg2rad(degrees)[:, None, None]
     from kornia.geometry.transform import remap  # half a second, which predictions do without
 
     places = angle.cos() * offset, angle.sin() * offset  # of one row (batch, 1, patch) at its angle
-    pieces = (torch.split(values, _together(crops)) for values in (crops, *places))
-    for some, cos, sin in zip(*pieces, strict=True):
+    # together: a photo for each thread of a CPU and its cache
+    count = torch.get_num_threads() if crops.device.type == "cpu" else max(1, len(crops))
+    pieces = (torch.split(values, count) for values in (turned, crops, *places))
+    for result, some, cos, sin in zip(*pieces, strict=True):
         # side by side, as remap wants them: from two planes its own copy takes twice as long
         grid = cos.new_empty(len(some), patch, patch, 2)
-        yield remap(
+        pixels = remap(
             some.contiguous().to(cos.dtype),  # planes of colours are turned faster than pixels
             torch.sub(cos, sin.mT, out=grid[..., 0]),
             torch.add(sin, cos.mT, out=grid[..., 1]),
@@ -84,6 +80,7 @@ def _turned(crops: Tensor, degrees: Tensor, patch: int) -> Iterator[Tensor]:
             align_corners=True,
             normalized_coordinates=True,  # -1 to 1; from pixels it is two more passes
         )
+        yield result, pixels
 
 
 def crop_side(patch: int, rotation: float) -> int:
