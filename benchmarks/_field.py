@@ -35,12 +35,8 @@ def draw(settings: Node, results: Sequence[Node], path: Path) -> None:
     panels = [pair for pair in zip(drawn, found_of, strict=True) if pair[1]]
     if not panels:
         return
-    columns, rows = min(len(panels), COLUMNS), -(-len(panels) // COLUMNS)
-    figure = Figure(figsize=(2.9 * columns, 2.15 * rows), layout="constrained")
-    grid = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
-    for axes in grid[len(panels) :]:
-        axes.set_axis_off()
-    for number, (axes, (panel, found)) in enumerate(zip(grid, panels, strict=False)):
+    figure, grid = make_grid(len(panels), (2.9, 2.15))
+    for number, (axes, (panel, found)) in enumerate(zip(grid, panels, strict=True)):
         draw_panel(axes, found, settings["ours"])
         axes.set_title(panel["title"], loc="left", fontsize=7.5)
         if number % COLUMNS == 0:
@@ -48,6 +44,17 @@ def draw(settings: Node, results: Sequence[Node], path: Path) -> None:
         if number >= len(panels) - COLUMNS:
             axes.set_xlabel("ms for one label", labelpad=1)
     save_figure(figure, path)
+
+
+def make_grid(count: int, size: tuple[float, float]) -> tuple[Figure, list[Axes]]:
+    """A figure of ``count`` panels of a ``size`` in inches, at most ``COLUMNS`` in a row."""
+    columns = min(count, COLUMNS)
+    rows = -(-count // columns)
+    figure = Figure(figsize=(size[0] * columns, size[1] * rows), layout="constrained")
+    grid = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    for axes in grid[count:]:
+        axes.set_axis_off()
+    return figure, grid[:count]
 
 
 def named(settings: Node, data: str, protocol: str, results: Sequence[Node]) -> list[Node]:

@@ -30,7 +30,7 @@ from tex_lightning.config.check import read_config
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.nodes import walk
 from tex_lightning.config.quoting import as_typed
-from tex_lightning.report.table import paper_table
+from tex_lightning.report.table import paper_tables
 
 FOUND = {
     command: block.page
@@ -268,7 +268,7 @@ def test_at_most_eighteen_pages_are_linked_from_the_first():
 
 
 def test_the_rows_of_the_paper_are_its_figures_and_presets():
-    rows = [row for name in ("haptic", "visual", "fusion") for row in paper_table(name)["rows"]]
+    rows = [row for name in ("haptic", "visual", "fusion") for row in paper_tables()[name]["rows"]]
     published = {
         row["label"]: [f"{row[key]:g} %" if key in row else "" for key in ("fragment", "vote")]
         for row in rows

@@ -7,7 +7,7 @@ from omegaconf import OmegaConf
 from tex_lightning.config import CONF, register, variants
 from tex_lightning.config.help_text import config_groups
 from tex_lightning.perturbations.table import trainable
-from tex_lightning.report.table import paper_table
+from tex_lightning.report.table import paper_tables
 
 EXPERIMENTS = config_groups()["experiment"]
 MODELS = {*config_groups()["model"]}
@@ -48,7 +48,7 @@ def test_subsets_of_senses_are_of_the_model_that_is_asked_for():
 def test_all_of_the_papers_rows_are_swept():
     swept = set(composed("experiment=paper/all").hydra.sweeper.params.model.split(","))
     for table in ("haptic", "visual", "fusion", "kylberg", "kth_tips2b"):
-        for row in paper_table(table)["rows"]:
+        for row in paper_tables()[table]["rows"]:
             if "vote" in row or "fragment" in row:
                 assert row["model"] in swept, row
 

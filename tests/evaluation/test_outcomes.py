@@ -12,13 +12,13 @@ from sklearn.metrics import accuracy_score, confusion_matrix
 
 from tex_lightning.classifier.vote import Vote
 from tex_lightning.data.folds import Sample
+from tex_lightning.evaluation.confusion import vote_counts
 from tex_lightning.evaluation.outcomes import (
     Outcome,
     environment,
     read_outcomes,
     run_test,
     summarise,
-    vote_counts,
     wilson_interval,
     write_outcomes,
 )

@@ -73,7 +73,7 @@ def test_a_map_has_the_classes_that_the_fragments_are_given(fused, surfaces):
 
     made = Outcome({"image": str(file)}, "alpha", predicted, 1, 1, 1, 1.0)
     shown = samples.show_sample(classifier, sample, made, Store())
-    colours = shown.senses["visual"].map.reshape(-1, 3)
+    colours = shown.senses["visual"].pictures["classes"].reshape(-1, 3)
     for name, colour in {predicted: samples.LABEL, "alpha": samples.TRUE}.items():
         share = float((expected == classifier.card.classes.index(name)).float().mean())
         assert (colours == colour).all(axis=1).mean() == pytest.approx(share, abs=0.05)

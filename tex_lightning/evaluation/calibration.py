@@ -68,14 +68,13 @@ def confidences(outcomes: Sequence[Outcome]) -> Array:
 
 def correct_votes(outcomes: Sequence[Outcome]) -> npt.NDArray[np.bool_]:
     """Return whether each vote is correct."""
-    return np.array([outcome.label == outcome.predicted for outcome in outcomes])
+    return np.array([outcome.correct for outcome in outcomes])
 
 
 def auroc(negative: Sequence[float], positive: Sequence[float]) -> float | None:
-    """Compute the chance that a positive scores above a negative; ties count half.
+    """Return the area under the ROC curve; None if either side is empty.
 
-    Returns:
-        The area under the ROC curve; None if either side is empty.
+    It is the chance that a positive scores above a negative, where ties count half.
     """
     if not len(negative) or not len(positive):
         return None
@@ -88,11 +87,8 @@ def sample_loss(
 ) -> float:
     """Return the mean negative logarithm of the probability that samples' own class gets.
 
-    Args:
-        card: Card of the classifier.
-        samples: At least one.
-        scores: Class scores (classes, fragments) of each.
-        temperature: Divisor of the scores before the softmax.
+    Scores are (classes, fragments) of each sample, of which there is at least one, and are divided
+    by the temperature before the softmax.
     """
     labels = class_indices([sample.label for sample in samples], card.classes)
     votes = [RULES[card.rule](logits, temperature) for logits in to_cpu(scores)]
@@ -103,10 +99,7 @@ def sample_loss(
 def sample_temperature(card: Card, samples: Sequence[Sample], scores: Sequence[Tensor]) -> float:
     """Return the temperature under which the probabilities of samples fit their classes best.
 
-    Args:
-        card: Card of the classifier.
-        samples: Samples of the validation fold, at least one.
-        scores: Class scores (classes, fragments) of each.
+    Arguments are those of :func:`sample_loss`, of the validation fold.
     """
     if RULES[card.rule].by_mean_score:  # which alone counts then
         scores = [logits.mean(dim=1, keepdim=True) for logits in scores]

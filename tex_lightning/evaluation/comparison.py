@@ -50,9 +50,6 @@ def one_standard_error(costs: Mapping[str, float], votes: Mapping[str, Votes]) -
         costs: Cost of each system, in any unit; smaller is better.
         votes: Whether each vote of a system is correct; of samples that share a recording the
             share of correct ones.
-
-    Returns:
-        The name of the system.
     """
     accuracies = {name: float(np.mean(list(votes[name].values()))) for name in costs}
     best = min(costs, key=lambda name: (-accuracies[name], costs[name]))
@@ -76,10 +73,7 @@ def _within(best: Votes, other: Votes) -> bool:
 
 
 def pareto(points: Mapping[str, tuple[float, float]]) -> set[str]:
-    """Return names of the points (cost, accuracy) that no other point beats in both.
-
-    Of points that are equal in both, all are kept.
-    """
+    """Return names of the points (cost, accuracy) that no other beats in both; equals are kept."""
     return {
         name
         for name, (cost, accuracy) in points.items()
@@ -92,34 +86,24 @@ def pareto(points: Mapping[str, tuple[float, float]]) -> set[str]:
     }
 
 
-def scarcest(files: Sequence[Mapping[str, str]]) -> list[str]:
-    """Return, of each sample's files by modality, that of the modality with the fewest files."""
-    recorded = [[sample[modality] for sample in files] for modality in files[0]]
-    return min(recorded, key=lambda names: len(set(names)))
-
-
 def pair(
     outcomes: Sequence[Outcome], joint: Sequence[Outcome]
 ) -> list[tuple[str, bool, bool]] | None:
     """Return each joint sample's independent recording, and whether each system is correct.
 
-    That recording is of the modality with the fewest recordings, which several samples share.
-
-    Args:
-        outcomes: Outcomes of a system that uses some of the modalities.
-        joint: Outcomes of a system that uses all of them.
-
-    Returns:
-        None if no joint sample holds what the first system has classified.
+    That recording is of the modality with the fewest recordings, which several samples share. The
+    first outcomes are of a system that uses some of the modalities, the joint ones of all of them.
+    None if no joint sample holds what the first system has classified.
     """
     modalities = sorted(outcomes[0].files)
     if not set(modalities) <= set(joint[0].files):
         return None
-    known = {outcome.sample: outcome.label == outcome.predicted for outcome in outcomes}
-    recordings = scarcest([outcome.files for outcome in joint])
+    known = {outcome.sample: outcome.correct for outcome in outcomes}
+    files = [[outcome.files[modality] for outcome in joint] for modality in joint[0].files]
+    recordings = min(files, key=lambda names: len({*names}))
     names = ["|".join(outcome.files[modality] for modality in modalities) for outcome in joint]
     return [
-        (recording, known[name], outcome.label == outcome.predicted)
+        (recording, known[name], outcome.correct)
         for recording, name, outcome in zip(recordings, names, joint, strict=True)
         if name in known
     ] or None
@@ -132,7 +116,7 @@ def correct_shares(outcomes: Sequence[Outcome], joint: Sequence[Outcome]) -> dic
     """
     pairs = pair(outcomes, joint)
     if pairs is None:
-        return {outcome.sample: float(outcome.label == outcome.predicted) for outcome in outcomes}
+        return {outcome.sample: float(outcome.correct) for outcome in outcomes}
     votes = defaultdict(list)
     for recording, correct, _ in pairs:
         votes[recording].append(correct)

@@ -58,12 +58,8 @@ def by_condition(
 ) -> dict[str, Any]:
     """Return part of a network's entry of ``results.json``; empty where nothing has conditions.
 
-    A sample of several senses has the conditions of all its recordings.
-
-    Args:
-        samples: Tested samples.
-        outcomes: Outcome of each sample.
-        bins: Edges of the bins of some conditions, see :func:`condition_bins`.
+    A sample of several senses has the conditions of all its recordings; ``bins`` are those of
+    :func:`condition_bins`.
 
     Returns:
         Under ``conditions``, by name and by value, or by bin as in ``40 to 60``: ``correct``,
@@ -77,7 +73,7 @@ def by_condition(
             for row in rows
             for name, value in row.conditions
         )
-        correct = int(outcome.label == outcome.predicted)
+        correct = int(outcome.correct)
         votes += [(name, key, correct, 1) for name, key in conditions if key is not None]
     return _entry(votes)
 

@@ -1,23 +1,21 @@
 """Which classes are confused: counts, recall, and pairs that another network tells apart."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from tex_lightning.evaluation.outcomes import Counts, Outcome, vote_counts
+from tex_lightning.evaluation.outcomes import Outcome
+
+Counts = npt.NDArray[np.int64]
 
 
 class Pair(NamedTuple):
     """A class and the one that it is taken for.
 
-    Attributes:
-        label: The true class.
-        predicted: The other one.
-        share: Share of the fragments of the true class that are taken for the other, in (0, 1].
-        samples: Number of samples that are.
+    The share is that of the fragments of the true class that are taken for the other, in (0, 1].
     """
 
     label: str
@@ -26,19 +24,32 @@ class Pair(NamedTuple):
     samples: int
 
 
-def fragment_counts(outcomes: Sequence[Outcome], classes: Sequence[str]) -> Counts:
-    """Count fragments by true class (row) and predicted class (column).
+def vote_counts(outcomes: Sequence[Outcome], classes: Sequence[str]) -> Counts:
+    """Count samples by true class (row) and predicted class (column), of ``classes`` alone."""
+    return _count(classes, ((outcome.label, outcome.predicted, 1) for outcome in outcomes))
 
-    A class that is not among them has neither.
-    """
+
+def fragment_counts(outcomes: Sequence[Outcome], classes: Sequence[str]) -> Counts:
+    """Count fragments as :func:`vote_counts` does samples."""
+    every = ((outcome.label, json.loads(outcome.votes)) for outcome in outcomes)
+    return _count(
+        classes, ((label, name, count) for label, votes in every for name, count in votes.items())
+    )
+
+
+def _count(classes: Sequence[str], votes: Iterable[tuple[str, str, int]]) -> Counts:
     index = {name: number for number, name in enumerate(classes)}
     counts = np.zeros((len(classes), len(classes)), dtype=np.int64)
-    for outcome in outcomes:
-        if outcome.label in index:
-            for name, votes in json.loads(outcome.votes).items():
-                if name in index:
-                    counts[index[outcome.label], index[name]] += votes
+    for label, name, count in votes:
+        if label in index and name in index:
+            counts[index[label], index[name]] += count
     return counts
+
+
+def row_shares(counts: Counts) -> npt.NDArray[np.float64]:
+    """Return counts as shares of their row; 0 in a row without any."""
+    shares: npt.NDArray[np.float64] = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    return shares
 
 
 def recall_by_class(counts: Counts) -> npt.NDArray[np.float64]:
@@ -54,34 +65,24 @@ def confused_pairs(outcomes: Sequence[Outcome], classes: Sequence[str]) -> list[
 
     Of the two directions of a pair only the worse one is listed.
     """
-    counts = fragment_counts(outcomes, classes)
-    shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-    samples = vote_counts(outcomes, classes)
-    index = {name: number for number, name in enumerate(classes)}
+    counts, samples = fragment_counts(outcomes, classes), vote_counts(outcomes, classes)
+    shares = row_shares(counts)
     pairs = [
         Pair(classes[row], classes[column], float(shares[row, column]), int(samples[row, column]))
         for row, column in np.argwhere((counts > 0) | (samples > 0)).tolist()
         if row != column
     ]
-    pairs.sort(key=lambda pair: (-pair.samples, -pair.share, index[pair.label]))
+    pairs.sort(key=lambda pair: (-pair.samples, -pair.share))
     listed: dict[frozenset[str], Pair] = {}
     for pair in pairs:
         listed.setdefault(frozenset(pair[:2]), pair)
     return list(listed.values())
 
 
-def _share(counts: Counts, row: int, column: int) -> float:
-    """Return the share of the fragments of one class that are taken for another."""
-    return float(counts[row, column] / max(1, counts[row].sum()))
-
-
 class OwnPair(NamedTuple):
     """A pair that one network confuses, and what the others make of it.
 
-    Attributes:
-        network: Name of the network.
-        pair: What it confuses.
-        others: By network the larger share of fragments of one of both that it takes for the other.
+    Of these it is the larger share of fragments of one of both that is taken for the other.
     """
 
     network: str
@@ -94,12 +95,9 @@ def own_pairs(
 ) -> list[OwnPair]:
     """Return the pairs that each network confuses much more than another one does.
 
-    Args:
-        outcomes: Outcomes of the same recordings by network.
-        classes: Names of the classes.
-        most: So many pairs of each network.
+    Outcomes are of the same recordings, by network; ``most`` so many pairs of each are returned.
     """
-    counts = {name: fragment_counts(each, classes) for name, each in outcomes.items()}
+    shares = {name: row_shares(fragment_counts(each, classes)) for name, each in outcomes.items()}
     index = {name: number for number, name in enumerate(classes)}
     found = []
     for network, each in outcomes.items():
@@ -107,8 +105,8 @@ def own_pairs(
         for pair in confused_pairs(each, classes):
             row, column = index[pair.label], index[pair.predicted]
             others = {
-                name: max(_share(table, row, column), _share(table, column, row))
-                for name, table in counts.items()
+                name: float(max(table[row, column], table[column, row]))
+                for name, table in shares.items()
                 if name != network
             }
             if others and min(others.values()) < pair.share:

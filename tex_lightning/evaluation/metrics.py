@@ -13,6 +13,7 @@ from typing import Any, Literal
 import torch
 
 from tex_lightning.evaluation.calibration import calibration
+from tex_lightning.evaluation.confusion import vote_counts
 from tex_lightning.evaluation.outcomes import Outcome, summarise
 
 TOP = (2, 3, 5)  # classes among which the true one may be
@@ -169,12 +170,10 @@ def logged_figures(entry: Mapping[str, Any]) -> dict[str, float]:
 
 
 def pooled_metrics(outcomes: Sequence[Outcome], *, calibrated: bool = True) -> dict[str, Any]:
-    """Return entries of ``results.json`` that follow from the outcomes of some folds.
+    """Return entries of ``results.json`` that follow from the outcomes of at least one sample.
 
-    Args:
-        outcomes: Outcomes of at least one sample.
-        calibrated: Whether calibration is among them, which takes the probabilities of each sample;
-            files of earlier versions lack those.
+    Calibration is among them, if asked for: it takes the probabilities of each sample, which files
+    of earlier versions lack.
     """
     entry = {**summarise(outcomes), **class_metrics(outcomes)}
     if calibrated:
@@ -203,19 +202,12 @@ def class_metrics(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     """
     if not outcomes:
         return {"balanced_accuracy": None, "macro_f1": None, "recall": {}, "top_k_accuracy": {}}
-    # slow to import, and of tests alone
-    from torchmetrics.functional.classification import multiclass_stat_scores
-
     known = {name: None for outcome in outcomes for name in outcome.class_probabilities}
     seen = {name: None for outcome in outcomes for name in (outcome.label, outcome.predicted)}
     classes = [*{**known, **seen}]
-    index = {name: number for number, name in enumerate(classes)}
-    truth = torch.tensor([index[outcome.label] for outcome in outcomes])
-    found = torch.tensor([index[outcome.predicted] for outcome in outcomes])
-    count = max(2, len(classes))
-    counts = multiclass_stat_scores(found, truth, count, average=None).double()
-    right, wrongly, _, _, support = counts.unbind(dim=1)  # exact, as float32 shares are not
-    recall, called = right / support.clamp(min=1), right + wrongly
+    counts = torch.from_numpy(vote_counts(outcomes, classes)).double()
+    right, support, called = counts.diagonal(), counts.sum(dim=1), counts.sum(dim=0)
+    recall = right / support.clamp(min=1)
     of_class = {classes[i]: float(recall[i]) for i in support.nonzero()[:, 0].tolist()}
     f1 = (2 * right / (support + called).clamp(min=1))[support + called > 0].mean()
     ranks = [_rank(outcome) for outcome in outcomes] if known else []

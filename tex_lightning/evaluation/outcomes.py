@@ -6,14 +6,13 @@ import os
 import platform
 import subprocess
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import scipy  # whose parts are loaded when they are used
 import torch
 
@@ -76,6 +75,11 @@ class Outcome:
         return probabilities
 
     @property
+    def correct(self) -> bool:
+        """Whether the vote is for the true class."""
+        return self.label == self.predicted
+
+    @property
     def sample(self) -> str:
         """Identity of the sample: its files, sorted by modality."""
         return "|".join(self.files[modality] for modality in sorted(self.files))
@@ -87,7 +91,7 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     ``fragment_accuracy`` is the share of all fragments, as in the paper: a long recording has more
     of them and weighs more than a short one.
     """
-    correct = sum(outcome.label == outcome.predicted for outcome in outcomes)
+    correct = sum(outcome.correct for outcome in outcomes)
     latencies = [outcome.latency_ms for outcome in outcomes]
     return {
         "fragment_accuracy": sum(outcome.correct_fragments for outcome in outcomes)
@@ -103,13 +107,9 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
 def optimized_value(results: dict[str, Any]) -> float | None:
     """Return what a search minimises, the validation loss, and never anything of the test.
 
-    Args:
-        results: Results of a training; its last network is the one that was asked for.
-
-    Returns:
-        None without a validation fold.
+    None without a validation fold.
     """
-    *_, network = results["networks"].values()
+    *_, network = results["networks"].values()  # the one that was asked for
     loss: float | None = network.get("val_loss")
     return loss
 
@@ -141,17 +141,21 @@ def read_outcomes(path: Path) -> list[Outcome]:
     return outcomes
 
 
+def read_networks(directory: Path, networks: Iterable[str]) -> dict[str, list[Outcome]]:
+    """Return the outcomes of those networks of a run folder that it has tested."""
+    files = {name: directory / "predictions" / f"{name}.csv" for name in networks}
+    return {name: read_outcomes(file) for name, file in files.items() if file.is_file()}
+
+
 def write_results(path: Path, results: dict[str, Any]) -> None:
     """Write ``results.json`` complete or not at all."""
     write_text(path, json.dumps(results, indent=2) + "\n")
 
 
 def environment(device: torch.device, trainer: TrainerConfig | None = None) -> dict[str, Any]:
-    """Return the environment in which a figure was measured.
+    """Return the environment in which a figure was measured by a device.
 
-    Args:
-        device: That computed. An NVIDIA GPU is described further.
-        trainer: Settings of the trainings, for their precision; None tells none.
+    An NVIDIA GPU is described further, with the precision of a trainer.
     """
     cuda = device.type == "cuda"
     name = torch.cuda.get_device_name(device) if cuda else device.type
@@ -202,19 +206,6 @@ def _cpu_name() -> str:
     lines = info.read_text(encoding="utf-8").splitlines() if info.is_file() else []
     names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
     return next(names, "") or platform.processor() or platform.machine()
-
-
-Counts = npt.NDArray[np.int64]
-
-
-def vote_counts(outcomes: Sequence[Outcome], classes: Sequence[str]) -> Counts:
-    """Count samples of these classes by true class (row) and predicted class (column)."""
-    index = {name: number for number, name in enumerate(classes)}
-    matrix = np.zeros((len(classes), len(classes)), dtype=np.int64)
-    for outcome in outcomes:
-        if outcome.label in index and outcome.predicted in index:
-            matrix[index[outcome.label], index[outcome.predicted]] += 1
-    return matrix
 
 
 COUNTS = ("correct", "test_samples", "vote_accuracy", "vote_ci95")  # keys of the following

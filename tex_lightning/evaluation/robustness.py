@@ -17,18 +17,9 @@ KEPT_SHARE = 0.5  # of the accuracy on unperturbed samples; with less a system i
 class StabilityRow(NamedTuple):
     """One trial, as a line of ``stability.csv``; an unusable sample counts as an error.
 
-    Attributes:
-        system: Name of the system.
-        modality: Modality that is perturbed.
-        perturbation: Name of the perturbation.
-        severity: 0, which is clean, to 5.
-        test_samples: Number of samples.
-        vote_accuracy: Share of samples whose label is correct.
-        ci_low: Lower end of Wilson's 95 % interval of the accuracy.
-        ci_high: Upper end of the interval.
-        flip_rate: Share of samples whose label, or lack of one, differs from the clean one.
-        lost: Number of samples that are correct clean and wrong perturbed.
-        gained: Number of samples that are wrong clean and correct perturbed.
+    Severity is from 0, which is clean, to 5; the interval is Wilson's of 95 %. ``flip_rate`` is the
+    share of samples whose label, or lack of one, differs from the clean one. ``lost`` of them are
+    correct clean and wrong perturbed, and ``gained`` the other way round.
     """
 
     system: str
@@ -66,10 +57,7 @@ def find_failures(trials: Sequence[StabilityRow]) -> list[Failure]:
     """Return where every system fails under every perturbation, what fails first in front.
 
     What breaks at the lowest severity is first, then what is lower from the lowest one, then what
-    has the most errors.
-
-    Args:
-        trials: All severities of each system and perturbation, severity 0 included.
+    has the most errors. Of each system and perturbation there are trials of all severities, 0 too.
     """
     groups: dict[tuple[str, str], list[StabilityRow]] = {}
     for trial in trials:

@@ -55,13 +55,9 @@ class Words:
 
 @dataclass(frozen=True)
 class Points:
-    """Embeddings of recordings.
+    """Embeddings of recordings of a sense, (recordings, D), with text of each by heading.
 
-    Attributes:
-        tag: Name of the sense.
-        vectors: (recordings, D).
-        columns: Text of each recording by heading.
-        thumbnails: (recordings, side, side, 3); None without pictures.
+    Thumbnails are (recordings, side, side, 3); None without pictures.
     """
 
     tag: str

@@ -4,18 +4,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy.typing as npt
-
 from tex_lightning.core.console import console
-from tex_lightning.core.files import read_or_empty, write_bytes
-from tex_lightning.report.artifacts import png
-from tex_lightning.report.pictures import recording_picture, row_of
+from tex_lightning.core.files import read_or_empty
 from tex_lightning.report.table import Table, make_table
 
 FILE = "data.json"
-FOLDER = "data"  # of the pictures in a run folder
-SIDE, WIDTH = 112, 176  # pixels of an example, and of a signal's to the right
-ACROSS = 6  # examples in a row
+FOLDER = "data"  # of the pictures
 PARTS = {"train": "trained on", "val": "validate", "test": "tested"}
 MAX_LISTED = 50  # files that a table lists
 Description = dict[str, Any]
@@ -42,7 +36,7 @@ def facts_of(told: Mapping[str, Any]) -> dict[str, str]:
     facts = {"name": told["name"], "from": told["from"]}
     facts["classes"] = f"{len(told['classes'])}: {', '.join(told['classes'])}"
     for entry in told["recordings"].values():
-        facts[entry["called"]] = _facts(entry)
+        facts[entry["called"]] = _sizes(entry)
         facts[f"{entry['called']} read as"] = "; ".join(entry.get("read", ()))
         parts = [f"{_range(*count)} {PARTS[name]}" for name, count in entry["parts"].items()]
         facts[f"{entry['called']} by part"] = ", ".join(parts)
@@ -52,7 +46,7 @@ def facts_of(told: Mapping[str, Any]) -> dict[str, str]:
     return {heading: text for heading, text in facts.items() if text}
 
 
-def _facts(entry: Mapping[str, Any]) -> str:
+def _sizes(entry: Mapping[str, Any]) -> str:
     unit, few = entry["unit"], entry["of_class"].values()
     said = [
         f"{entry['files']} files",
@@ -101,20 +95,3 @@ def print_findings(findings: Sequence[Mapping[str, str]]) -> None:
     console.print(table)
     if (more := len(findings) - MAX_LISTED) > 0:
         console.print(f"And {more} more in results.json.")
-
-
-def draw_examples(
-    directory: Path, modality: str, examples: Mapping[str, npt.NDArray[Any]], rate: float | None
-) -> None:
-    """Write decoded recordings of a modality as one picture, each with its class below.
-
-    Args:
-        directory: The run folder.
-        modality: Their modality.
-        examples: A recording of each class.
-        rate: Rate of signals in Hz; None of photos.
-    """
-    size = (SIDE if rate is None else WIDTH), SIDE
-    pictures = [recording_picture(recording, rate, size) for recording in examples.values()]
-    sheet = row_of(pictures, [*examples], ACROSS)
-    write_bytes(directory / FOLDER / f"{modality}.png", png(sheet))

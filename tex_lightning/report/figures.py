@@ -4,15 +4,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from tex_lightning.core.files import write_atomically
 from tex_lightning.evaluation.calibration import BINS, confidences, correct_votes
-from tex_lightning.evaluation.confusion import recall_by_class
-from tex_lightning.evaluation.outcomes import Counts, Outcome
+from tex_lightning.evaluation.confusion import Counts, recall_by_class, row_shares
+from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.report.style import GUIDE, brief, briefs, looks, styled
 
 MAX_NAMED = 30  # classes up to which counts are written in
@@ -25,11 +24,9 @@ SMALL = 5.5  # points, of the names of many classes
 
 @styled
 def save_figure(figure: Figure, path: Path) -> Path:
-    """Save as PNG, whole or not at all, and return the file.
+    """Save as PNG at a path without suffix, whole or not at all, and return the file.
 
-    Args:
-        figure: Is laid out once; loggers, which draw it again, find it so.
-        path: Without a suffix.
+    The figure is laid out once; loggers, which draw it again, find it so.
 
     Raises:
         UserError: If it cannot be written.
@@ -50,7 +47,7 @@ def confusion_figure(counts: Counts, classes: list[str], title: str) -> Figure:
     side = 4.5 + 0.1 * min(len(classes), MAX_LABELLED) if many else 4 + 0.16 * len(classes)
     figure = Figure(figsize=(side, 0.9 * side), layout="constrained")
     axes = figure.subplots()
-    shares: npt.NDArray[np.float64] = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    shares = row_shares(counts)
     gamma = GAMMA if many else 1
     image = axes.imshow(shares, norm=PowerNorm(gamma, 0, 1), cmap="viridis")
     names = briefs(classes, MAX_CHARACTERS)
@@ -74,10 +71,7 @@ def confusion_figure(counts: Counts, classes: list[str], title: str) -> Figure:
 def recall_figure(counts: Counts, classes: list[str], title: str) -> Figure:
     """Draw the share of correct fragments of each class that was tested, the least one on top.
 
-    Args:
-        counts: Fragments by true class (row) and predicted class.
-        classes: Names of the classes.
-        title: Above the figure.
+    Counts are of fragments by true class (row) and predicted class.
     """
     recall = recall_by_class(counts)
     ranked = np.argsort(recall, kind="stable")[::-1]
@@ -122,9 +116,8 @@ def calibration_figure(outcomes: Sequence[Outcome], name: str) -> Figure:
 def learning_figure(curves: Mapping[str, Sequence[Mapping[str, float]]]) -> Figure:
     """Draw the loss of all networks over their epochs, and the accuracy of any validation below.
 
-    Args:
-        curves: By network rows with ``epoch`` and some of ``train/loss``, ``val/loss``,
-            ``val/vote_accuracy``.
+    Curves are by network rows with ``epoch`` and some of ``train/loss``, ``val/loss``,
+    ``val/vote_accuracy``.
     """
     validated = any("val/vote_accuracy" in row for rows in curves.values() for row in rows)
     figure = Figure(figsize=(5.2, 4.2 if validated else 2.4), layout="constrained")

@@ -26,12 +26,8 @@ def frontier_figure(rows: Sequence[FrontierRow], title: str, chance: float) -> F
     """Draw a row for each system: accuracy with interval on the left, time on the right.
 
     The most accurate system is on top, and among equals the fastest. Systems that another one beats
-    in both are grey; the chosen one is orange and said to be.
-
-    Args:
-        rows: The systems.
-        title: What they were tested on.
-        chance: Accuracy of guessing, drawn as a line if it is not far from all.
+    in both are grey; the chosen one is orange and said to be. Chance, the accuracy of guessing, is
+    drawn as a line if it is not far from all.
     """
     systems = sorted(rows, key=lambda row: (-row["vote_accuracy"], row["latency_ms_mean"]))
     whole = [brief(row["name"], LONGEST) + " (chosen)" * row["chosen"] for row in systems]

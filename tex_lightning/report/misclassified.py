@@ -5,7 +5,7 @@
 
 import base64
 import json
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,11 +14,10 @@ import numpy as np
 
 from tex_lightning.core.files import read_or_empty, write_bytes, write_text
 from tex_lightning.data.folds import Sample
-from tex_lightning.evaluation.confusion import confused_pairs, own_pairs
-from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
+from tex_lightning.evaluation.confusion import own_pairs
+from tex_lightning.evaluation.outcomes import Outcome, read_networks
 from tex_lightning.report.artifacts import jpeg, wav
-from tex_lightning.report.gallery import PAIRS, sides_of
-from tex_lightning.report.samples import ShownSample, ShownSense, worst
+from tex_lightning.report.samples import SampleView, ShownSample, ShownSense, worst
 from tex_lightning.report.table import Table
 from tex_lightning.text import printable
 
@@ -26,31 +25,20 @@ FOLDER = "samples"
 MAX_WRONG = 50  # wrong samples of a network that are kept, the worst of them
 HEARD = 2.0  # s of a sound
 LOWEST = 11_025  # Hz: faster sounds are kept at half, a quarter, … of their rate down to it
-SampleView = Callable[[int], ShownSample]
 Kept = dict[str, Any]
 
 
-def keep_samples(
-    directory: Path,
-    network: str,
-    look: SampleView,
-    outcomes: Sequence[Outcome],
-    samples: Sequence[Sample],
-    classes: Sequence[str],
-) -> None:
+def keep_samples(directory: Path, network: str, view: SampleView) -> None:
     """Write the worst wrong samples of a network, and both sides of the pairs that it confuses."""
-    wrong = [n for n in worst(outcomes, MAX_WRONG) if outcomes[n].label != outcomes[n].predicted]
-    pairs = []
-    for pair in confused_pairs(outcomes, classes)[:PAIRS]:
-        pairs.append({**pair._asdict(), "sides": sides_of(outcomes, pair)})
+    wrong = [n for n in worst(view.outcomes, MAX_WRONG) if not view.outcomes[n].correct]
+    pairs = [{**pair._asdict(), "sides": sides} for pair, sides in view.pairs()]
     numbers = dict.fromkeys([*wrong, *(n for pair in pairs for n in pair["sides"])])
     home = directory / FOLDER
     told = {
-        str(number): _kept(home, f"{network}_{number}", look(number), samples[number])
+        str(number): _kept(home, f"{network}_{number}", view.look(number), view.samples[number])
         for number in numbers
     }
-    errors = sum(outcome.label != outcome.predicted for outcome in outcomes)
-    content = {"errors": errors, "wrong": wrong, "pairs": pairs, "samples": told}
+    content = {"errors": view.errors, "wrong": wrong, "pairs": pairs, "samples": told}
     write_text(home / f"{network}.json", json.dumps(content, indent=1))
 
 
@@ -80,12 +68,9 @@ def _kept(home: Path, name: str, shown: ShownSample, sample: Sample) -> Kept:
 
 def _sense(home: Path, name: str, shown: ShownSense) -> dict[str, str]:
     """Write pictures and sound of a recording; return their names."""
-    pictures = {"trace": shown.trace, "input": shown.picture, "classes": shown.map}
-    files = {}
-    for what, pixels in pictures.items():
-        if pixels is not None:
-            write_bytes(home / f"{name}_{what}.jpg", jpeg(pixels))
-            files[what] = f"{name}_{what}.jpg"
+    files = {what: f"{name}_{what}.jpg" for what in shown.pictures}
+    for what, pixels in shown.pictures.items():
+        write_bytes(home / files[what], jpeg(pixels))
     if shown.sound is not None:
         samples, rate = shown.sound
         step = max(1, rate // LOWEST)  # means of so many samples: to hear, not to measure
@@ -126,10 +111,7 @@ def error_cards(directory: Path) -> dict[str, Any]:
 def _outcomes(directory: Path) -> dict[str, list[Outcome]]:
     """Return the outcomes of each network of a run, in the order of ``results.json``."""
     results = read_or_empty(directory / "results.json")
-    files = {
-        name: directory / "predictions" / f"{name}.csv" for name in results.get("networks", {})
-    }
-    return {name: read_outcomes(file) for name, file in files.items() if file.is_file()}
+    return read_networks(directory, results.get("networks", {}))
 
 
 def _right(
@@ -146,7 +128,7 @@ def _right(
         for outcome in tested:
             for file in outcome.files.values():
                 beside[file].update(outcome.files.values())
-                correct[network][file] = outcome.label == outcome.predicted
+                correct[network][file] = outcome.correct
 
     def named(network: str, files: Mapping[str, str]) -> list[str]:
         related = {other for file in files.values() for other in beside[file]}
@@ -182,15 +164,16 @@ def _pairs(
 def _card(directory: Path, network: str, sample: Kept) -> Kept:
     """Return a kept sample with its files inside."""
     senses = {
-        name: {what: _inside(directory / FOLDER / file) for what, file in files.items()}
+        name: {what: embedded(directory / FOLDER / file) for what, file in files.items()}
         for name, files in sample["senses"].items()
     }
     links = {file: _link(file) for file in sample["files"].values()}
     return {**sample, "network": network, "senses": senses, "links": links, "right": []}
 
 
-def _inside(file: Path) -> str:
-    kind = "audio/wav" if file.suffix == ".wav" else "image/jpeg"
+def embedded(file: Path) -> str:
+    """Return a picture or a sound as a data URI, without content where there is none."""
+    kind = {".wav": "audio/wav", ".jpg": "image/jpeg", ".png": "image/png"}[file.suffix]
     content = file.read_bytes() if file.is_file() else b""
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
@@ -214,16 +197,13 @@ def class_tables(directory: Path) -> list[Table]:
 def _class_row(label: str, outcomes: Sequence[Outcome]) -> dict[str, str]:
     own = [outcome for outcome in outcomes if outcome.label == label]
     called = sum(outcome.predicted == label for outcome in outcomes)
-    correct = sum(outcome.predicted == label for outcome in own)
-    taken: dict[str, int] = defaultdict(int)
-    for outcome in own:
-        if outcome.predicted != label:
-            taken[outcome.predicted] += 1
-    most = max(taken, key=taken.__getitem__, default="")
+    correct = sum(outcome.correct for outcome in own)
+    taken = Counter(outcome.predicted for outcome in own if not outcome.correct)
+    (most, times), *_ = taken.most_common(1) or [("", 0)]
     return {
         "class": printable(label),
         "n": str(len(own)),
         "recall": f"{correct / len(own):.1%}",
         "precision": f"{correct / called:.1%}" if called else "never called",
-        "most confused with": f"{printable(most)} ({taken[most]})" if most else "",
+        "most confused with": f"{printable(most)} ({times})" if most else "",
     }

@@ -12,7 +12,7 @@ from typing import Any
 from tex_lightning.config.overrides import given_overrides
 from tex_lightning.core.files import read_or_empty, read_rows, write_text
 from tex_lightning.report.data_page import FOLDER, data_tables
-from tex_lightning.report.misclassified import class_tables, error_cards
+from tex_lightning.report.misclassified import class_tables, embedded, error_cards
 from tex_lightning.report.systems import NOTES, comparison_tables, read_systems
 from tex_lightning.report.table import (
     TINY,
@@ -38,12 +38,8 @@ def write_report(
     """Write ``report.html``, and ``report.md`` for a sweep or a cross-validation.
 
     All figures are inside the page. Nothing is fetched, and what comes out of files is text, never
-    markup.
-
-    Args:
-        directory: A run folder, or that of a sweep.
-        runs: Run folders of a sweep; None for a single run.
-        first: Tables before all others.
+    markup. The ``runs`` are those of a sweep, None for a single one; the ``first`` tables stand
+    before all others.
     """
     results = read_or_empty(directory / "results.json")
     draw_learning(directory)
@@ -55,6 +51,8 @@ def write_report(
     typed = typed_overrides(directory)
     if runs is not None:
         typed = ["-m", *given_overrides(directory / "0")]  # as of any of its jobs
+    script = (TEMPLATES / "page.js").read_text(encoding="utf-8")
+    systems_by_name = {key: str(entry["name"]) for key, entry in results.get("systems", {}).items()}
     context = {
         "title": " · ".join(names) or directory.name,
         "tiny": TINY if tiny else "",
@@ -67,12 +65,6 @@ def write_report(
         "embedded": embedded,
         "is_broad": is_broad,
         "directory": directory,
-    }
-    if systems:
-        write_text(directory / "report.md", render(TEMPLATES / "report.md.jinja", context))
-    script = (TEMPLATES / "page.js").read_text(encoding="utf-8")
-    systems_by_name = {key: str(entry["name"]) for key, entry in results.get("systems", {}).items()}
-    further = {
         "networks": facts(results),
         "files": [
             _file_table(directory / name, systems_by_name)
@@ -88,8 +80,9 @@ def write_report(
         "environment": results.get("environment", {}),
         "seconds": results.get("wall_seconds"),
     }
-    page = render(TEMPLATES / "page.html", {**context, **further})
-    write_text(directory / "report.html", page)
+    if systems:
+        write_text(directory / "report.md", render(TEMPLATES / "report.md.jinja", context))
+    write_text(directory / "report.html", render(TEMPLATES / "page.html", context))
 
 
 def draw_learning(directory: Path) -> None:
@@ -145,11 +138,6 @@ def _own_tables(results: Mapping[str, Any]) -> list[Table]:
         return [failure_table(results)]
     rows = condition_rows(results.get("networks", {}))
     return [Table("By condition", rows)] if rows else []
-
-
-def embedded(path: Path) -> str:
-    """Return a PNG as a data URI."""
-    return f"data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}"
 
 
 def is_broad(path: Path) -> bool:

@@ -3,8 +3,8 @@
 Pictures are made without a plotting library, since a run shows dozens.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,7 @@ from tex_lightning.core.devices import computing_threads
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store, load_recording
+from tex_lightning.evaluation.confusion import Pair, confused_pairs
 from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.report.pictures import MAX_CAPTION, Pixels, captioned, input_pixels
 from tex_lightning.report.style import brief
@@ -25,6 +26,7 @@ from tex_lightning.senses.base import Sense
 WIDTH = 320  # pixels of a picture of a recording
 HEIGHT = 64  # of a trace as drawn
 STRIP = 18  # of the classes along a signal
+PAIRS = 3  # most confused ones that are looked at
 SECONDS = 5.0  # of a sound
 MIN_RATE = 8000  # Hz; slower sounds are brought to it, as browsers play none below 3 kHz
 TRUE, LABEL, OTHER = (0, 158, 115), (213, 94, 0), (200, 200, 200)  # Okabe and Ito; a light grey
@@ -38,27 +40,19 @@ class ShownSense:
 
     Attributes:
         file: Name of its file.
-        trace: The samples as drawn (height, width, 3); None of a photo.
-        picture: The network's input (height, width, 3): spectrogram or photo.
-        map: Classes of the fragments (height, width, 3): true, label or another.
+        pictures: Each (height, width, 3): of a signal its ``trace`` as drawn; the ``input`` of the
+            network, spectrogram or photo; and ``classes`` of the fragments: true, label or another.
         sound: Samples in [-1, 1] and their rate in Hz; None of a photo.
     """
 
     file: str
-    trace: Pixels | None
-    picture: Pixels
-    map: Pixels
+    pictures: Mapping[str, Pixels]
     sound: tuple[npt.NDArray[np.float32], int] | None
 
 
 @dataclass(frozen=True)
 class ShownSample:
-    """One test sample.
-
-    Attributes:
-        outcome: What became of it.
-        senses: By name of the sense.
-    """
+    """One test sample: what became of it, and its recordings by name of the sense."""
 
     outcome: Outcome
     senses: Mapping[str, ShownSense]
@@ -68,7 +62,7 @@ class ShownSample:
         """Truth, label and their probabilities."""
         outcome, known = self.outcome, self.outcome.class_probabilities
         label = f"{outcome.predicted} ({known.get(outcome.predicted, 0):.0%})"
-        if outcome.label == outcome.predicted:
+        if outcome.correct:
             return f"{label}, correct"
         return f"{outcome.label} ({known.get(outcome.label, 0):.0%}) called {label}"
 
@@ -88,6 +82,52 @@ def show_sample(
     return ShownSample(outcome, senses)
 
 
+@dataclass(frozen=True)
+class SampleView:
+    """The samples of a test and their outcomes, each rendered when it is first looked at.
+
+    ``classifier_of`` returns the network that gave an outcome, such as that of its fold.
+    """
+
+    classifier_of: Callable[[Outcome], SurfaceClassifier]
+    classes: Sequence[str]
+    samples: Sequence[Sample]
+    outcomes: Sequence[Outcome]
+    store: Store
+    _seen: dict[int, ShownSample] = field(default_factory=dict)
+
+    def look(self, number: int) -> ShownSample:
+        """Return the sample of a number as its network sees it."""
+        if number not in self._seen:
+            sample, outcome = self.samples[number], self.outcomes[number]
+            classifier = self.classifier_of(outcome)
+            self._seen[number] = show_sample(classifier, sample, outcome, self.store)
+        return self._seen[number]
+
+    @property
+    def errors(self) -> int:
+        """How many samples are misclassified."""
+        return sum(not outcome.correct for outcome in self.outcomes)
+
+    def pairs(self) -> list[tuple[Pair, list[int]]]:
+        """Return the most confused pairs, each with the numbers of a sample of either class.
+
+        Of all samples of its class it is the one that is most for the class that both are called.
+        """
+        return [
+            (pair, [n for label in pair[:2] for n in self._most_for(pair.predicted, label)])
+            for pair in confused_pairs(self.outcomes, self.classes)[:PAIRS]
+        ]
+
+    def _most_for(self, called: str, label: str) -> list[int]:
+        def likely(number: int) -> tuple[bool, float]:
+            outcome = self.outcomes[number]
+            return outcome.predicted == called, outcome.class_probabilities.get(called, 0.0)
+
+        own = [n for n, outcome in enumerate(self.outcomes) if outcome.label == label]
+        return [max(own, key=likely)] if own else []
+
+
 def _colours(fragments: Tensor, classifier: SurfaceClassifier, outcome: Outcome) -> Pixels:
     """Return the colour (rows, columns, 3) of each fragment."""
     classes = classifier.card.classes
@@ -104,17 +144,18 @@ def _shown(sense: Sense, file: str, recording: Tensor, colours: Pixels) -> Shown
         picture.thumbnail((WIDTH, WIDTH))
         size = picture.size
         map_ = Image.fromarray(colours).resize(size, Image.Resampling.NEAREST)
-        return ShownSense(file, None, np.asarray(picture), np.asarray(map_), None)
+        pictures = {"input": np.asarray(picture), "classes": np.asarray(map_)}
+        return ShownSense(file, pictures, None)
     signal = recording.cpu().float().numpy()
     spectrogram = Image.fromarray(input_pixels(sense(recording)[0], sense.features, 4 * WIDTH))
     strip = Image.fromarray(colours).resize((WIDTH, STRIP), Image.Resampling.NEAREST)
-    return ShownSense(
-        file,
-        draw_trace(signal),
-        np.asarray(spectrogram.resize((WIDTH, max(HEIGHT, min(spectrogram.height, 2 * HEIGHT))))),
-        np.asarray(strip),
-        _sound(signal, sense.decoder),
-    )
+    height = max(HEIGHT, min(spectrogram.height, 2 * HEIGHT))
+    pictures = {
+        "trace": draw_trace(signal),
+        "input": np.asarray(spectrogram.resize((WIDTH, height))),
+        "classes": np.asarray(strip),
+    }
+    return ShownSense(file, pictures, _sound(signal, sense.decoder))
 
 
 def draw_trace(signal: npt.NDArray[np.float32]) -> Pixels:
@@ -150,18 +191,16 @@ def _sound(
 def sample_picture(shown: ShownSample) -> Pixels:
     """Return a sample as one picture: as recorded, as the network gets it, what it made of it."""
     outcome, known = shown.outcome, shown.outcome.class_probabilities
-    right = outcome.label == outcome.predicted
     label, predicted = (
         f"{brief(name, MAX_CAPTION)} ({known.get(name, 0):.0%})"
         for name in (outcome.label, outcome.predicted)
     )
-    told = [label, f"called {'so' if right else predicted}"]
+    told = [label, f"called {'so' if outcome.correct else predicted}"]
     rows: list[tuple[str, Sequence[Pixels]]] = [(line, ()) for line in told]
     for name, sense in shown.senses.items():
-        pictures = [sense.picture, sense.map]
-        below = pictures if sense.trace is None else [sense.trace, *pictures]
-        rows.append((f"{name}: {sense.file}", below[:1]))
-        rows += [("", [picture]) for picture in below[1:]]  # narrow, as columns of pages are
+        first, *below = sense.pictures.values()
+        rows.append((f"{name}: {sense.file}", [first]))
+        rows += [("", [picture]) for picture in below]  # narrow, as columns of pages are
     return captioned([*rows, (LEGEND, ())])
 
 
@@ -176,6 +215,6 @@ def worst(outcomes: Sequence[Outcome], most: int) -> list[int]:
     """Return the numbers of the outcomes that are most wrong, errors first, the worst first."""
     order = sorted(
         range(len(outcomes)),
-        key=lambda n: (outcomes[n].label == outcomes[n].predicted, -margin(outcomes[n])),
+        key=lambda n: (outcomes[n].correct, -margin(outcomes[n])),
     )
     return order[:most]

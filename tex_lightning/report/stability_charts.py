@@ -40,9 +40,7 @@ def failure_table(results: Mapping[str, Any]) -> Table:
             "perturbation": entry["perturbation"].replace("_", " "),
             "of": entry["modality"] if several else "",
             "system": names[entry["system"]],
-            "breaking point": "-"
-            if entry["breaking_value"] is None
-            else f"{_number(entry['breaking_value'])} {entry['unit']}",
+            "breaking point": _valued(entry["breaking_value"], entry["unit"]),
             "lower from": _found(entry["lower_from"], entry["unit"]),
             "broken from": _found(entry["broken_from"], entry["unit"]),
             "unperturbed": _counts(entry["clean"]),
@@ -69,6 +67,10 @@ def _found(trial: Mapping[str, Any] | None, unit: str) -> str:
 def _number(value: float) -> str:
     """Return a value with three digits and without an exponent."""
     return f"{float(f'{value:.3g}'):g}"
+
+
+def _valued(value: float | None, unit: str) -> str:
+    return "-" if value is None else f"{_number(value)} {unit}"
 
 
 def print_stability(results: dict[str, Any], directory: Path) -> None:
@@ -140,11 +142,8 @@ def stability_figure(
     Perturbations are rows, grouped by modality, what fails first on top; systems are columns. The
     dots are blue, orange where accuracy is significantly lower, and red where the system is broken.
 
-    Args:
-        trials: All trials.
-        table: The perturbations by name.
-        systems: Label of each system that has a column, by name, in order.
-        chances: Accuracy of guessing by system: some know more classes than others.
+    Perturbations are by name; so are the labels of the systems that have a column, in order, and
+    their accuracies of guessing: some know more classes than others.
     """
     failures = find_failures(trials)
     modalities = list(dict.fromkeys(table[failure.clean.perturbation].modality
@@ -179,12 +178,8 @@ def _draw_cell(
 ) -> None:
     """Draw the accuracies of one system under one perturbation, from 0 to 100 %, in its cell.
 
-    Args:
-        axes: One for all cells.
-        rows: By severity.
-        place: Column and row.
-        first: Severities from which accuracy is lower, and the system broken.
-        chance: Accuracy of guessing.
+    Its place is column and row; accuracy is lower, and the system broken, from the severities
+    ``first``.
     """
     left, bottom = place[0] * WIDTH, -place[1] * HEIGHT
     axes.add_patch(

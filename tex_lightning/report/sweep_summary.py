@@ -47,14 +47,9 @@ TURNED = 24  # characters of all values together, from which on they are written
 
 
 def summarise(directory: Path, *, searched: bool) -> int:
-    """Print and write the results of the jobs of a sweep.
+    """Print and write the results of the jobs of a sweep; return how many rows are not done.
 
-    Args:
-        directory: Folder of the sweep.
-        searched: Whether a sweeper looked for the least objective.
-
-    Returns:
-        How many of its rows are not done.
+    If ``searched``, a sweeper looked for the least objective.
     """
     marks = [*directory.glob("*/.hydra/overrides.yaml"), *directory.glob(f"*/{FAILURE}")]
     jobs = sorted({directory / mark.relative_to(directory).parts[0] for mark in marks})
@@ -105,10 +100,8 @@ class Point(NamedTuple):
 def draw_sweep(rows: Sequence[TrialRow], directory: Path, *, searched: bool) -> list[Path]:
     """Save a figure over each swept key as ``figures/sweep_KEY.png`` and return the files.
 
-    Args:
-        rows: As of ``trials.sweep_rows``.
-        directory: Folder of the sweep.
-        searched: Whether the objective of a search is drawn, in place of the accuracy.
+    Rows are those of :func:`~.trials.sweep_rows`. If ``searched``, the objective of the search is
+    drawn in place of the accuracy.
     """
     keys = [key for key in swept_keys(rows) if key not in ("seed", *FOLD_KEYS)]
     names = short_names(keys)

@@ -17,7 +17,7 @@ from tex_lightning.report.table import (
     TableRow,
     condition_rows,
     counted,
-    paper_table,
+    paper_tables,
     run_settings,
 )
 
@@ -64,8 +64,8 @@ class ReportedSystem:
     @property
     def label(self) -> str:
         """Name in tables: that of the paper, if it has the system."""
-        rows = [row for name in self.tables for row in paper_table(name).get("rows", ())]
-        known = {row["model"]: row["label"] for row in rows}
+        tables = [paper_tables()[name] for name in self.tables if name in paper_tables()]
+        known = {row["model"]: row["label"] for table in tables for row in table["rows"]}
         name = str(known.get(self.model, self.model))
         if self.inside:  # whose network of this sense may be any
             name = f"{self.model} inside {self.inside}"
@@ -85,8 +85,7 @@ class ReportedSystem:
 def read_systems(runs: Iterable[Path]) -> list[ReportedSystem]:
     """Read all systems that runs have tested; those that differ in fold or seed alone are one.
 
-    Args:
-        runs: Run folders of ``fit``, ``crossval`` or ``evaluate``; others are passed over.
+    Folders are those of ``fit``, ``crossval`` or ``evaluate``; others are passed over.
     """
     models: dict[tuple[str, ...], list[tuple[Path, dict[str, Any]]]] = {}
     for run in runs:
@@ -170,7 +169,7 @@ def comparison_tables(systems: Sequence[ReportedSystem]) -> list[Table]:
 
 def accuracy_table(name: str, systems: Sequence[ReportedSystem]) -> Table:
     """Return a line for each system, with the paper's figures where these are of the same data."""
-    table = paper_table(name)
+    table = paper_tables().get(name, {})
     order = [row["model"] for row in table.get("rows", ())]
     ordered = sorted(
         systems,
@@ -202,8 +201,7 @@ def _line(system: ReportedSystem, top: ReportedSystem, paper: Mapping[str, Any])
     return {
         "system": system.label,
         "accuracy, paper": f"{paper['vote']:g} %" if "vote" in paper else "",
-        "accuracy": _accuracy(system),
-        # seeds test the same samples, so that Wilson's interval is not theirs
+        "accuracy": _seeds(system) if system.seeds else counted(ours),
         "95 % interval": "" if system.seeds else METRICS["vote_ci95"].told(ours),
         **({} if system.seeds else told(ours, metrics_in("comparison", "scores"))),
         "p against the top": "top" if system is top else _against(top, system),
@@ -212,10 +210,8 @@ def _line(system: ReportedSystem, top: ReportedSystem, paper: Mapping[str, Any])
     }
 
 
-def _accuracy(system: ReportedSystem) -> str:
-    """Return the accuracy with its counts, or the mean over seeds with its deviation."""
-    if not system.seeds:
-        return counted(summarise(system.outcomes))
+def _seeds(system: ReportedSystem) -> str:
+    """Return the mean accuracy with its deviation; no interval, as seeds test the same samples."""
     return f"{system.accuracy:.1%} ± {stdev(system.seeds):.1%} ({len(system.seeds)} seeds)"
 
 

@@ -1,6 +1,7 @@
 """Tables of results, for the terminal, ``report.md`` and ``report.html``."""
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,12 +33,9 @@ TableRow = Mapping[str, str]
 
 
 class Table(NamedTuple):
-    """A table for every medium.
+    """A table for every medium, with a sentence above it.
 
-    Attributes:
-        title: Heading.
-        rows: Cells by heading; a column without any text is left out.
-        text: A sentence above it.
+    Rows are cells by heading; a column without any text is left out.
     """
 
     title: str
@@ -84,6 +82,16 @@ def facts(results: Mapping[str, Any]) -> dict[str, dict[str, str]]:
         for name, network in networks.items()
         if "vote_accuracy" in network
     }
+
+
+def fact_rows(results: Mapping[str, Any]) -> list[list[str]]:
+    """Return a line of headings, then one for each fact: its name, and that of each network."""
+    shown = facts(results)
+    names = {fact: None for network in shown.values() for fact in network}
+    return [
+        ["", *shown],
+        *([fact, *(network.get(fact, "") for network in shown.values())] for fact in names),
+    ]
 
 
 def counted(entry: Mapping[str, Any]) -> str:
@@ -140,11 +148,11 @@ def print_results(results: dict[str, Any], directory: Path) -> None:
     """
     if Screen.sweep and Screen.verbose < DEBUG:
         return
-    shown = facts(results)
+    (first, *networks), *rows = fact_rows(results)
     title = f"{results['task']} · {results['model']} · {results['data']}"
-    table = make_table(title, [""], list(shown))
-    for fact in {fact: None for network in shown.values() for fact in network}:
-        table.add_row(fact, *(network.get(fact, "") for network in shown.values()))
+    table = make_table(title, [first], networks)
+    for cells in rows:
+        table.add_row(*cells)
     print_tables(directory, table)
 
 
@@ -172,10 +180,7 @@ def condition_rows(networks: Mapping[str, Network]) -> list[dict[str, str]]:
 def make_table(title: str, names: Sequence[str], figures: Sequence[str]) -> Screened:
     """Return a table of the terminal with as little ink as fits 80 columns.
 
-    Args:
-        title: Above it.
-        names: Headings of columns of text, which go on in the next line.
-        figures: Headings of columns of figures, after those.
+    Columns of text, by their ``names``, go on in the next line; those of figures come after them.
     """
     table = Screened(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in names:
@@ -221,15 +226,15 @@ def is_tiny(overrides: Sequence[str]) -> bool:
     return "debug=tiny" in [item.lstrip("+") for item in overrides]
 
 
-def paper_table(name: str) -> dict[str, Any]:
-    """Return one table of the paper from ``paper.yaml``; empty if it has none of this name."""
+@cache
+def paper_tables() -> dict[str, dict[str, Any]]:
+    """Return the tables of the paper by name, as ``paper.yaml`` has them."""
     tables: Any = OmegaConf.to_container(OmegaConf.load(PAPER))
-    table: dict[str, Any] = tables.get(name, {})
-    return table
+    return dict(tables)
 
 
 def model_label(model: str) -> str:
     """Return a configuration's name for readers: that of its row in ``paper.yaml``, or its own."""
-    tables: Any = OmegaConf.to_container(OmegaConf.load(PAPER))
-    rows = [row for table in tables.values() for row in table["rows"] if row["model"] == model]
+    tables = paper_tables().values()
+    rows = [row for table in tables for row in table["rows"] if row["model"] == model]
     return str(rows[0]["label"]) if rows else model.replace("_", " ")

@@ -42,13 +42,8 @@ def columns() -> list[str]:
 def sweep_rows(jobs: Sequence[Path], *, searched: bool) -> list[TrialRow]:
     """Return a row for each network of each job, then those of folds, then those of seeds.
 
-    Args:
-        jobs: Folders of the jobs.
-        searched: Whether a search chose the values, which has an objective.
-
-    Returns:
-        Cells by column; ``overrides`` is a list, ``settings`` a dict, and ``members`` the jobs that
-        a row sums up.
+    A row is cells by column; ``overrides`` is a list, ``settings`` a dict, and ``members`` the rows
+    that it sums up. A search, unlike other sweeps, has an objective and so a best job.
     """
     rows = [row for job in jobs for row in _of_job(job)]
     if searched:

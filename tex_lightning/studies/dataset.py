@@ -63,14 +63,10 @@ class Dataset:
         return cls(classes, known, held, store, tuple(damaged))
 
     def usable(self, senses: Iterable[Sense], *, skip_bad: bool) -> "Dataset":
-        """Leave out the recordings that are too small for a fragment.
-
-        Args:
-            senses: Senses that read the recordings.
-            skip_bad: Whether the task goes on without the recordings that were left out.
+        """Leave out the recordings that are too small for a fragment of the senses that read them.
 
         Raises:
-            UserError: Listing these recordings, unless the task goes on.
+            UserError: Listing what was left out, unless ``skip_bad`` lets the task go on.
         """
         rows = Recordings((*self.recordings, *self.unknown))
         pairs = [(row, sense) for sense in senses for row in rows.of(sense.modality)]
@@ -180,12 +176,8 @@ def open_test_data(
 
     Only ``data.file_rate`` belongs to the files themselves and counts if it is given.
 
-    Args:
-        data: Where recordings come from, and what of them is tested.
-        classifier: Tested classifier.
-        who: Name of the classifier in messages.
-        choose: Whether to choose the tested part: the fold that the training left out, or all of a
-            data set that it was not trained on.
+    If ``choose``, the tested part is the fold that the training left out, or all of a data set that
+    the classifier was not trained on. Messages call the classifier ``who``.
 
     Returns:
         The test recordings, and the division that they are the test part of.
@@ -230,12 +222,8 @@ def decode_for(
 ) -> Dataset:
     """Decode recordings as a checkpoint says, without those that it cannot use.
 
-    Args:
-        classifier: The loaded checkpoint.
-        data: Settings of the cache and of files: ``file_rate``, ``channels``, ``time_unit``.
-        recordings: Recordings of the modalities that the checkpoint uses.
-        classes: Class names of the data set.
-        unknown: Recordings of held-out classes.
+    Of the settings of the data only those of the cache and of the files themselves count:
+    ``file_rate``, ``channels``, ``time_unit``.
 
     Raises:
         UserError: If files cannot be used, unless ``data.skip_bad`` leaves them out.
@@ -255,11 +243,11 @@ def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordi
     Raises:
         UserError: If there is no such class.
     """
-    classes = None if classes is None else [one_name(label) for label in classes]
-    if absent := sorted(set(classes or ()) - set(recordings.classes)):
+    held = [one_name(label) for label in classes or ()]
+    if absent := sorted({*held} - {*recordings.classes}):
         raise UserError(
             f"data.hold_out names {listed(absent)}, and the data has no such class; choose from "
             f"{listed(recordings.classes)}, with commas between names."
         )
-    known = [label for label in recordings.classes if label not in (classes or ())]
-    return recordings.in_classes(known), recordings.in_classes(classes or [])
+    known = [label for label in recordings.classes if label not in held]
+    return recordings.in_classes(known), recordings.in_classes(held)

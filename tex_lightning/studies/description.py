@@ -13,18 +13,15 @@ from rich.text import Text
 
 from tex_lightning.config import DataConfig, Folding
 from tex_lightning.core.console import QUIET, Screen, console
-from tex_lightning.core.files import write_text
+from tex_lightning.core.files import write_bytes, write_text
 from tex_lightning.data.decode import ASSUMED, SignalDecoder
 from tex_lightning.data.folds import split, tested_part
 from tex_lightning.data.inspection import copies
 from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.store import Store, skipped_entry
-from tex_lightning.report.data_page import (
-    FILE,
-    PARTS,
-    Description,
-    draw_examples,
-)
+from tex_lightning.report.artifacts import png
+from tex_lightning.report.data_page import FILE, FOLDER, PARTS, Description
+from tex_lightning.report.pictures import recording_picture, row_of
 from tex_lightning.studies.dataset import Dataset
 from tex_lightning.studies.notes import MAX_NOTES, recording_notes
 from tex_lightning.text import printable_lines
@@ -32,6 +29,8 @@ from tex_lightning_runtime.columns import Reading
 
 MAX_KINDS = 5  # ways of reading that the opening lists
 MAX_EXAMPLES = 24  # classes of which an example is drawn
+SIDE, WIDTH = 112, 176  # pixels of an example, and of a signal's to the right
+ACROSS = 6  # examples in a row
 log = logging.getLogger(__name__)
 
 
@@ -40,10 +39,7 @@ def describe_data(
 ) -> Description:
     """Describe what is trained and tested on, in plain values for JSON.
 
-    Args:
-        data: Where the recordings come from.
-        dataset: All that is trained or tested on.
-        divisions: Division of each training; none of a test alone.
+    There is a division of each training; a test alone has none.
 
     Returns:
         ``name``, ``from``, ``classes``; ``recordings`` by modality, see :func:`_describe_modality`;
@@ -123,7 +119,7 @@ def show_opening(
     trains: Iterable[Folding] = (),
     keep_in: Path | None = None,
 ) -> Description:
-    """Log the notes on the data, and print their description.
+    """Log the notes on the data, and print and return their description.
 
     Args:
         data: Where the recordings come from.
@@ -131,9 +127,6 @@ def show_opening(
         what: Description of the training or test; empty of neither.
         trains: Division of each training; without any there is only a test.
         keep_in: Run folder that gets the description and an example of each class, for its report.
-
-    Returns:
-        The description.
     """
     divisions = list(trains)
     description = describe_data(data, dataset, divisions)
@@ -174,10 +167,14 @@ def keep_description(description: Description, dataset: Dataset, directory: Path
     for modality in description["recordings"]:
         rows = dataset.recordings.of(modality)
         first = {row.label: row for row in reversed(rows.rows)}
-        chosen = {label: first[label] for label in rows.classes[:MAX_EXAMPLES]}
+        labels = rows.classes[:MAX_EXAMPLES]
         rate = getattr(dataset.store.decoders[modality], "sampling_rate", None)
-        loaded = {label: dataset.store.load(row) for label, row in chosen.items()}
-        draw_examples(directory, modality, loaded, rate)
+        size = (SIDE if rate is None else WIDTH), SIDE
+        pictures = [
+            recording_picture(dataset.store.load(first[label]), rate, size) for label in labels
+        ]
+        sheet = row_of(pictures, labels, ACROSS)
+        write_bytes(directory / FOLDER / f"{modality}.png", png(sheet))
 
 
 def _sizes(entry: Mapping[str, Any]) -> str:

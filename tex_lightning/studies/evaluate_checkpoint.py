@@ -1,7 +1,6 @@
 """Test a checkpoint: outcomes, ``results.json``, figures, and what its loggers show."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import cache
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -10,19 +9,18 @@ from lightning.pytorch.loggers import Logger
 
 from tex_lightning.classifier.card import CROSSVAL
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.config import Config, Folding, plain_values
+from tex_lightning.config import Config, plain_values
 from tex_lightning.core.devices import computing_device
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store, Unusable, load_sample, skipped_entry
 from tex_lightning.evaluation.conditions import by_condition
-from tex_lightning.evaluation.confusion import fragment_counts
+from tex_lightning.evaluation.confusion import fragment_counts, vote_counts
 from tex_lightning.evaluation.metrics import pooled_metrics
 from tex_lightning.evaluation.novelty import report_unknown
 from tex_lightning.evaluation.outcomes import (
     Outcome,
     environment,
     run_test,
-    vote_counts,
     write_outcomes,
 )
 from tex_lightning.inference.early_stopping import make_inference_model
@@ -30,7 +28,7 @@ from tex_lightning.inference.engine import sample_macs
 from tex_lightning.inference.prediction import warn_of_few
 from tex_lightning.learning.loggers import log_test, trial_settings
 from tex_lightning.report.artifacts import Artifact, shows
-from tex_lightning.report.data_page import facts_of
+from tex_lightning.report.embeddings import projector_artifacts
 from tex_lightning.report.figures import (
     calibration_figure,
     confusion_figure,
@@ -40,14 +38,12 @@ from tex_lightning.report.figures import (
 from tex_lightning.report.gallery import (
     figure_artifacts,
     pair_artifacts,
-    projector_artifacts,
     sample_artifacts,
     text_artifacts,
 )
-from tex_lightning.report.misclassified import SampleView, keep_samples
-from tex_lightning.report.samples import ShownSample, show_sample
+from tex_lightning.report.misclassified import keep_samples
+from tex_lightning.report.samples import SampleView
 from tex_lightning.studies.dataset import Dataset
-from tex_lightning.studies.description import describe_data
 
 MIN_CALIBRATED = 50  # samples from which a calibration is drawn
 
@@ -105,8 +101,7 @@ def report_network(
 ) -> tuple[dict[str, Any], list[Outcome]]:
     """Test a network as prediction runs it; write its predictions into the run folder.
 
-    Returns:
-        Its entry of ``results.json``, and what became of each sample.
+    Its entry of ``results.json`` is returned, and what became of each sample.
     """
     kind, store = classifier.card.kind, dataset.store
     warn_of_few(classifier.card.deciding(config.decision))
@@ -124,10 +119,7 @@ def report_network(
 
 
 def draw_figures(
-    outcomes: Sequence[Outcome],
-    classes: list[str],
-    name: str,
-    directory: Path,
+    outcomes: Sequence[Outcome], classes: list[str], name: str, directory: Path
 ) -> None:
     """Save confusions of recordings and of fragments, recall by class, and calibration.
 
@@ -149,61 +141,36 @@ def draw_figures(
 
 def log_network(
     config: Config,
-    dataset: Dataset,
+    classes: Sequence[str],
     directory: Path,
     loggers: Sequence[Logger],
     networks: Mapping[str, Any],
-    trains: Sequence[Folding] = (),
     further: Iterable[Artifact] = (),
+    *,
+    trained: bool,
 ) -> None:
     """Log a network that a run has tested, with its figures; of the last one the run's texts, too.
 
     Args:
         config: The configuration.
-        dataset: What it was trained and tested on.
-        directory: The run folder, whose figures are drawn.
+        classes: Classes of the data.
+        directory: The run folder, which has the figures and the description of the data.
         loggers: Loggers of the network.
         networks: Entries of ``results.json`` of the networks tested so far, this one the last.
-        trains: Divisions that it was trained on; empty if the run only tests. TensorBoard compares
-            trainings with each other.
         further: Further artifacts, made only if a logger shows any.
+        trained: Whether the run has trained it: TensorBoard compares trainings with each other.
     """
     *_, name = networks
     model, values = config.model, plain_values(config)
     artifacts: list[Artifact] = []
     if showing := shows(loggers):
         artifacts += [*figure_artifacts(directory, name), *further]
-    if showing and (not trains or name == model.kind):
-        results = {"classes": dataset.classes, "networks": networks}
-        facts = facts_of(describe_data(config.data, dataset, trains))
-        artifacts += text_artifacts(directory, results, facts)
-        artifacts += pair_artifacts(directory, networks, dataset.classes)
-    trial = trial_settings(directory, model.name, config.data.name, name) if trains else None
-    settings = values if trains else {key: values[key] for key in ("seed", "data")}
+    if showing and (not trained or name == model.kind):
+        artifacts += text_artifacts(directory, {"classes": classes, "networks": networks})
+        artifacts += pair_artifacts(directory, networks, classes)
+    trial = trial_settings(directory, model.name, config.data.name, name) if trained else None
+    settings = values if trained else {key: values[key] for key in ("seed", "data")}
     log_test(loggers, name, settings, networks[name], artifacts, trial)
-
-
-def view_samples(
-    classifier_of: Callable[[Outcome], SurfaceClassifier],
-    samples: Sequence[Sample],
-    outcomes: Sequence[Outcome],
-    store: Store,
-) -> SampleView:
-    """Return a function that renders the test sample of a number, each once.
-
-    Args:
-        classifier_of: Returns the network that gave an outcome, such as that of its fold.
-        samples: The samples.
-        outcomes: What became of them.
-        store: Their recordings.
-    """
-
-    @cache
-    def look(number: int) -> ShownSample:
-        outcome = outcomes[number]
-        return show_sample(classifier_of(outcome), samples[number], outcome, store)
-
-    return look
 
 
 def draw_test(
@@ -215,14 +182,13 @@ def draw_test(
 ) -> Iterator[Artifact]:
     """Save the figures and the misclassified samples of a test in the run folder.
 
-    Returns:
-        The artifacts for its loggers, made when they are asked for: samples and embeddings.
+    Samples and embeddings are returned for its loggers, made when they are asked for.
     """
-    card, view = classifier.card, view_samples(lambda _: classifier, samples, outcomes, store)
+    card = classifier.card
+    view = SampleView(lambda _: classifier, card.classes, samples, outcomes, store)
     draw_figures(outcomes, card.classes, card.kind, directory)
-    keep_samples(directory, card.kind, view, outcomes, samples, card.classes)
-    embeddings = projector_artifacts(classifier, samples, outcomes, store)
-    return chain(sample_artifacts(view, outcomes, card.classes), embeddings)
+    keep_samples(directory, card.kind, view)
+    return chain(sample_artifacts(view), projector_artifacts(classifier, view))
 
 
 def fold_samples(dataset: Dataset, outcomes: Sequence[Outcome]) -> list[Sample]:

@@ -85,11 +85,7 @@ def compose_family(config: Config, job: Job) -> list[System]:
 
 
 def _check_model(family: Mapping[str, Sequence[str]], job: Job) -> None:
-    """Reject a model that the user gives and no system of the family has.
-
-    Raises:
-        UserError: If there is one; it would have no effect.
-    """
+    """Reject a model that the user gives and no system has: it would have no effect."""
     asked = [item for item in job.overrides if _key(item) == "model"][-1:]
     named = [item for overrides in family.values() for item in overrides if _key(item) == "model"]
     if asked and len(named) == len(family) and asked[0] not in named:
@@ -177,12 +173,8 @@ def _subsets(config: Config, job: Job) -> dict[str, str]:
 def measure_family(systems: Sequence[System], folds: Sequence[int], directory: Path) -> None:
     """Train every system without each of ``folds``, and test it there.
 
-    What a run in the same folder has finished is read.
-
-    Args:
-        systems: The systems, whose results are filled in.
-        folds: Folds that are tested.
-        directory: Parent of a folder for each system; shared networks are in a folder beside it.
+    What a run in the same folder has finished is read. The directory gets a folder for each system;
+    networks that they share are in a folder beside it.
     """
     what = f"{len(systems)} systems: {', '.join(system.label for system in systems)}"
     networks_in, shown = directory.parent / NETWORKS, set[str]()
@@ -200,7 +192,7 @@ def measure_family(systems: Sequence[System], folds: Sequence[int], directory: P
                 fold: read_outcomes(home / "predictions" / f"{kind}.csv")
                 for fold, home in homes.items()
             }
-            right = sum(outcome.label == outcome.predicted for outcome in system.outcomes)
+            right = sum(outcome.correct for outcome in system.outcomes)
             log.info(
                 "%s: %d/%d correct, %.3g ms for a sample, fitted in %.3g s a fold.",
                 which, right, len(system.outcomes), system.cost, system.fit_seconds,
@@ -220,12 +212,7 @@ def _run_folds(
 ) -> list[dict[str, Any]]:
     """Return the networks of each fold's results, trained unless an earlier run did so.
 
-    Args:
-        config: The system.
-        homes: Folders by fold.
-        networks_in: Folder of the networks that systems have in common.
-        what: Description of the training, for the summary.
-        shown: Modalities whose recordings an opening has shown; others are added.
+    Modalities whose recordings an opening has ``shown`` are not shown again; others are added.
     """
     dataset, entries = None, []
     for fold, home in homes.items():
@@ -238,8 +225,6 @@ def _run_folds(
                 shown |= {*dataset.store.decoders}
                 trains = [config.on_fold(fold).data for fold in homes]
                 show_opening(config.data, dataset, what, trains=trains)
-            results = run_fold(
-                config.on_fold(fold), dataset, home, test_parts=False, networks_in=networks_in
-            )
+            results = run_fold(config.on_fold(fold), dataset, home, networks_in=networks_in)
         entries.append(results["networks"])
     return entries

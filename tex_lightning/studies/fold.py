@@ -113,7 +113,6 @@ def run_fold(
     *,
     begin: float | None = None,
     draw: bool = False,
-    test_parts: bool = True,
     networks_in: Path | None = None,
 ) -> dict[str, Any]:
     """Train and test on one fold; write its ``results.json`` and return it.
@@ -122,9 +121,7 @@ def run_fold(
     :func:`fit_fold`. A process that is not rank zero has no results.
     """
     begin = time.perf_counter() if begin is None else begin
-    networks = fit_fold(
-        config, dataset, home, draw=draw, test_parts=test_parts, networks_in=networks_in
-    )
+    networks = fit_fold(config, dataset, home, draw=draw, networks_in=networks_in)
     if not is_rank_zero():
         return {}
     results = training_results(config, dataset, networks, time.perf_counter() - begin)
@@ -133,16 +130,12 @@ def run_fold(
 
 
 def train_model(config: Config, dataset: Dataset, directory: Path) -> SurfaceClassifier:
-    """Train a model without testing it; FusionNet is preceded by its networks.
+    """Train a model on what :func:`open_training` gives, without testing it.
 
-    Args:
-        config: The model, and the division of the recordings; ``logger={}`` writes no metrics.
-        dataset: What :func:`open_training` gives.
-        directory: Folder of the checkpoints.
+    FusionNet is preceded by its networks. With ``logger={}`` no metrics are written.
 
     Returns:
-        The whole model, ready to classify on the CPU; its checkpoint is that of the
-        directory.
+        The whole model, ready to classify on the CPU; its checkpoint is that of the directory.
     """
     parts = dataset.parts(config.data)
     trained = train_networks(config, dataset.classes, parts, dataset.store, directory)
@@ -156,7 +149,6 @@ def fit_fold(
     directory: Path,
     *,
     draw: bool = False,
-    test_parts: bool = True,
     networks_in: Path | None = None,
     crossvalidated: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
 ) -> dict[str, Any]:
@@ -167,8 +159,8 @@ def fit_fold(
         dataset: Recordings to train and test on.
         directory: Folder of checkpoints and predictions.
         draw: Whether figures are drawn; a cross-validation draws those of all folds together.
-        test_parts: Whether the networks of a FusionNet are tested as well.
-        networks_in: Folder with networks that several systems of a family have in common.
+        networks_in: Folder with networks that several systems of a family have in common; those
+            that a FusionNet takes from there are not tested.
         crossvalidated: By network the result of a cross-validation, for its card.
 
     Returns:
@@ -183,7 +175,7 @@ def fit_fold(
     for training, classifier in trained:
         name = classifier.card.kind
         networks[name] = {"fit_seconds": classifier.card.training.get("fit_seconds")}
-        if is_rank_zero() and (name == config.model.kind or test_parts):  # it alone tests, writes
+        if is_rank_zero() and (name == config.model.kind or networks_in is None):  # it alone writes
             networks[name] = _test_network(training, classifier, dataset, networks, draw=draw)
     return networks
 
@@ -215,7 +207,7 @@ def _test_network(
         result = {"test_samples": 0, **describe_network(classifier, checkpoint, sample, store)}
     if draw:
         tested, loggers = {**networks, kind: result}, training.loggers
-        log_network(config, dataset, directory, loggers, tested, [config.data], further)
+        log_network(config, dataset.classes, directory, loggers, tested, further, trained=True)
     else:
         log_test(training.loggers, kind, plain_values(config), result)
     _log_result(classifier.card, result, parts.train, config.data)

@@ -146,11 +146,7 @@ def _compared(
 ) -> str:
     """Say how many recordings are odd, of which classes if these have no other, and how far.
 
-    Args:
-        values: What was measured.
-        camps: The camps of it.
-        words: What they are if their values are larger, and if smaller.
-        measure: Name or unit of the values.
+    The words are what they are if their values are larger, and if smaller.
     """
     one, other = camps.odd[0], camps.others[0]
     labels = sorted({row.label for row in camps.odd})

@@ -54,11 +54,7 @@ class PerturbedDataset:
 
     Random numbers depend only on the seed, the perturbation and the content of the file, so that
     they are the same for every system and severity. The perturbed recordings of the latest
-    perturbation and severity are kept.
-
-    Args:
-        rate: Sampling rate of signals in Hz; 0 for photos.
-        seed: Seed of all that is random.
+    perturbation and severity are kept. The rate is that of signals in Hz; 0 for photos.
     """
 
     def __init__(self, rate: float, seed: int) -> None:
@@ -131,10 +127,10 @@ class SystemFold:
         classifier, recordings, partials = self.classifier, {}, []
         for name, sense in classifier.senses.items():
             row, dataset = sample.recordings[sense.modality], self.datasets[sense.modality]
-            if perturbation is None or perturbation.modality != sense.modality:
-                known, array = self._clean, dataset.clean(row)
-            else:
+            if perturbation is not None and perturbation.modality == sense.modality:
                 known, array = self._perturbed, dataset.perturbed(row, perturbation, severity)
+            else:
+                known, array = self._clean, dataset.clean(row)
             recordings[sense.modality] = torch.from_numpy(np.array(array))
             if (name, row) not in known:
                 try:
@@ -150,11 +146,7 @@ class SystemFold:
 class PerturbedSystem:
     """A system that is tested: a checkpoint, or one for each tested fold.
 
-    Attributes:
-        name: Unique name of the system.
-        kind: Name of its sense, or ``fusion``.
-        folds: Tested folds.
-        label: Unique name for readers.
+    Name and label, which is for readers, are unique; its kind is its sense, or ``fusion``.
     """
 
     name: str
@@ -248,10 +240,8 @@ def load_systems(config: Config, *, choose: bool = False) -> list[PerturbedSyste
 
 def _short_paths(paths: Sequence[Path]) -> list[str]:
     """Return paths without the folders that all of them share."""
-    if len(paths) < 2:
-        return [path.name for path in paths]
     whole = [path.absolute() for path in paths]
-    shared = os.path.commonpath([path.parent for path in whole])
+    shared = os.path.commonpath([path.parent for path in whole]) if whole else ""
     return [path.relative_to(shared).as_posix() for path in whole]
 
 

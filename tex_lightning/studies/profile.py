@@ -138,11 +138,8 @@ def profile_network(
 ) -> dict[str, Any]:
     """Measure one network; the keys are those of ``networks.NAME`` in ``results.json``.
 
-    Args:
-        classifier: Unimodal, in evaluation mode, as trained.
-        recordings: Decoded, as its sense takes them; the first one is timed.
-        engine: Settings of the acceleration.
-        profile: Budgets.
+    The classifier is unimodal, in evaluation mode, as trained. Of the recordings, decoded as its
+    sense takes them, the first one is timed.
     """
     sense, fast = only_sense(classifier), only_sense(accelerate(classifier, engine))
     network = sense.network
@@ -151,12 +148,11 @@ def profile_network(
     x, fast_x = inputs[0], _input(fast, recordings[0])
     grid = cut_windows(x, sense.window_size, sense.stride)
     fast_grid = cut_windows(fast_x, fast.window_size, fast.stride)
+    fast_scores = partial(scores, fast.network)
     ways: dict[str, Callable[[], Any]] = {
         "reference": partial(sense.dense_grid, x, "fc3"),
         "sliding_window": partial(_all_windows, twin, grid, 1),
-        "same_engine_window": partial(
-            _all_windows, partial(scores, fast.network), fast_grid, BATCH
-        ),
+        "same_engine_window": partial(_all_windows, fast_scores, fast_grid, BATCH),
         "fcn": partial(fast.dense_grid, fast_x, "fc3"),
     }
     windows = grid.shape[0] * grid.shape[1]
@@ -185,10 +181,7 @@ def agreement(
     Inside of a recording the layers of the dense pass see what lies beside a window, where those of
     the window see their padding, so that a few labels differ.
 
-    Args:
-        classifier: Unimodal, as trained.
-        twin: Its network for one window.
-        inputs: Network inputs (1, C, H, W).
+    The twin is the network of the unimodal classifier for one window, the inputs are (1, C, H, W).
 
     Returns:
         ``label_agreement``, the share of all windows with the label of their position in the dense
@@ -249,13 +242,8 @@ def _time(
         for name, function in functions.items():
             if "window" not in name:
                 function()
-    timings = interleaved(
-        functions,
-        profile.rounds,
-        warm_up=0,
-        slice_s=profile.budget_s / SLICES,
-        budget_s=profile.budget_s,
-    )
+    budget = profile.budget_s
+    timings = interleaved(functions, profile.rounds, 0, slice_s=budget / SLICES, budget_s=budget)
     gemm = {name: timings.pop(name) for name in functions if name not in ways}
     return timings, gemm
 

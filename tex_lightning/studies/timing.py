@@ -14,13 +14,7 @@ MIN_ROUNDS = 3
 
 
 class Timing(NamedTuple):
-    """Time of a function in ms.
-
-    Attributes:
-        median: Median of all timed calls.
-        p95: 95th percentile of all timed calls.
-        calls: Time of every timed call.
-    """
+    """Time of a function in ms: median and 95th percentile of all timed calls, and each of them."""
 
     median: float
     p95: float
@@ -47,9 +41,6 @@ def interleaved(
             so that a quick one beside a slow one gets a sample worth its name; 0 calls it once.
         budget_s: No new round begins when the rounds have taken this many seconds, but for the
             first three.
-
-    Returns:
-        Timings by the same names.
     """
     for function in functions.values():
         for _ in range(warm_up):

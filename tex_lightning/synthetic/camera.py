@@ -23,13 +23,9 @@ def render_photo(
 
     Distance, rotation, tilt, place, focus, direction and colour of the light are drawn anew for
     each photo. A pixel covers 0.06 mm of the surface at the mean distance, whatever the size, so a
-    smaller photo shows less of the surface, not a coarser view of it.
-
-    Args:
-        specimen: What to photograph.
-        rng: Source of everything that varies from photo to photo.
-        light: "daylight" is cool, bright and directed, "ambient" warm, dim and mostly diffuse.
-        size: Width and height in pixels.
+    smaller photo, whose size is its width and height in pixels, shows less of the surface, not a
+    coarser view of it. Daylight is cool, bright and directed, ambient light warm, dim and mostly
+    diffuse.
 
     Returns:
         Red, green and blue, shape (height, width, 3), gamma-encoded, in [0, 255].

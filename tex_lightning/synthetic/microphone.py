@@ -29,13 +29,10 @@ _ROOM, _ROOM_HZ, _SELF_NOISE = 0.002, 400.0, 0.001  # of full scale
 def hear_stroke(
     specimen: Specimen, stroke: Stroke, contact: np.random.Generator, rng: np.random.Generator
 ) -> NDArray[np.float32]:
-    """Record the sound of one stroke.
+    """Record the sound of one stroke, which is at the rate of the sound.
 
-    Args:
-        specimen: What is stroked.
-        stroke: The movement, at the rate of the sound.
-        contact: Source of what varies in the contact, as :func:`~.tool.accelerate` takes it.
-        rng: Source of what only the microphone hears.
+    What varies in the contact comes from ``contact``, as :func:`~.tool.accelerate` takes it, and
+    what only the microphone hears from ``rng``.
 
     Returns:
         Sound pressure, shape (T,), full scale at +-1; what is louder saturates softly.

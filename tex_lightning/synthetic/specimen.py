@@ -24,10 +24,9 @@ MICRO_PITCH = 0.016  # mm; five points on the shortest wavelength of the fine ro
 
 
 def make_relief(spec: ReliefSpec) -> Field:
-    """Build the height field of a material.
+    """Build the height field of a material, shape (``TILE``, ``TILE``).
 
-    Returns:
-        Heights in mm of mean zero and root mean square ``spec.depth``, shape (``TILE``, ``TILE``).
+    Heights are in mm, of mean zero and root mean square ``spec.depth``.
     """
     rng = np.random.default_rng([spec.seed, 0])
     shape = _SHAPES[spec.family](rng, spec.wavelength)
@@ -50,14 +49,8 @@ def shaped_noise(
 ) -> Field:
     """Filter white noise into a periodic field of zero mean and unit variance.
 
-    Args:
-        rng: Source of the noise.
-        points: Grid points along a side.
-        pitch: Grid pitch in mm.
-        gain: Amplitude from the spatial frequencies (x, y, radial), in cycles per mm.
-
-    Returns:
-        Field of shape (points, points).
+    It has so many points along either side, at a pitch in mm; the gain is the amplitude at spatial
+    frequencies (x, y, radial) in cycles per mm.
     """
     amplitude = gain(*_frequencies(points, pitch))
     white = rng.standard_normal((points, points), dtype=np.float32)
@@ -170,9 +163,6 @@ class Specimen:
 
     Photos and traces need the relief and each half of the rest; all of it takes about a fifth of a
     second and 40 MB.
-
-    Attributes:
-        material: What it is made of.
     """
 
     material: Material

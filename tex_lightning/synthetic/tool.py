@@ -57,15 +57,10 @@ class Stroke:
 
 
 def draw_stroke(rng: np.random.Generator, seconds: float, sampling_rate: int) -> Stroke:
-    """Draw a free-hand stroke.
+    """Draw a free-hand stroke of at least 1 s.
 
     The tool hangs in the air for 0.2 to 0.4 s, lands, and then wanders mainly across the grooves
     (along x) with slowly varying speed, direction and force.
-
-    Args:
-        rng: Source of everything that varies from stroke to stroke.
-        seconds: Duration of the recording, at least 1.
-        sampling_rate: Samples per second.
     """
     count = round(seconds * sampling_rate)
     mean_speed = 90 * float(np.exp(0.12 * np.clip(rng.standard_normal(), -2, 2)))  # mm/s
@@ -88,11 +83,7 @@ def slide_tool(
 ) -> NDArray[np.float32]:
     """Record one stroke over a specimen with a three-axis accelerometer.
 
-    Args:
-        specimen: What to stroke.
-        rng: Source of everything that varies from recording to recording.
-        seconds: Duration, at least 1.
-        sampling_rate: Samples per second.
+    It lasts at least 1 s; all that varies from recording to recording comes from ``rng``.
 
     Returns:
         Acceleration in g, gravity included, shape (3, seconds * sampling_rate), within

@@ -7,7 +7,7 @@ folds.
 """
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.card import CROSSVAL
-from tex_lightning.config import Config, Folding
+from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.progress import track
 from tex_lightning.core.ranks import is_rank_zero
@@ -27,13 +27,13 @@ from tex_lightning.evaluation.outcomes import COUNTS, read_outcomes, write_outco
 from tex_lightning.learning.loggers import open_loggers
 from tex_lightning.report.gallery import sample_artifacts
 from tex_lightning.report.misclassified import keep_samples
+from tex_lightning.report.samples import SampleView
 from tex_lightning.report.table import print_results
 from tex_lightning.studies.dataset import Dataset
 from tex_lightning.studies.evaluate_checkpoint import (
     draw_figures,
     fold_samples,
     log_network,
-    view_samples,
 )
 from tex_lightning.studies.fold import (
     chosen_folds,
@@ -71,7 +71,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     networks: dict[str, Any] = {}
     for name, entry in pooled.items():
         networks[name] = {**entry, **refitted.get(name, {})}
-        _draw_and_log(config, dataset, job.directory, networks, folds, divisions)
+        _draw_and_log(config, dataset, job.directory, networks, folds)
     seconds = spent + sum(results["wall_seconds"] for results in folds.values())
     results = training_results(config, dataset, networks, seconds)
     write_results(job.directory / "results.json", results)
@@ -85,7 +85,6 @@ def _draw_and_log(
     directory: Path,
     networks: Mapping[str, Any],
     homes: Iterable[Path],
-    divisions: Sequence[Folding],
 ) -> None:
     """Draw and log the last of some networks, its samples by the network of their fold."""
     *_, name = networks
@@ -94,10 +93,12 @@ def _draw_and_log(
     load = lru_cache(maxsize=2)(load_classifier)
     outcomes = read_outcomes(directory / "predictions" / f"{name}.csv")
     samples = fold_samples(dataset, outcomes)
-    look = view_samples(lambda outcome: load(files[outcome.fold]), samples, outcomes, dataset.store)
-    keep_samples(directory, name, look, outcomes, samples, dataset.classes)
-    further = sample_artifacts(look, outcomes, dataset.classes)
-    log_network(config, dataset, directory, loggers, networks, divisions, further)
+    view = SampleView(
+        lambda outcome: load(files[outcome.fold]), dataset.classes, samples, outcomes, dataset.store
+    )
+    keep_samples(directory, name, view)
+    further = sample_artifacts(view)
+    log_network(config, dataset.classes, directory, loggers, networks, further, trained=True)
 
 
 def _refit(

@@ -50,7 +50,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     )
     further = draw_test(classifier, samples, outcomes, dataset.store, directory)
     loggers, networks = open_loggers(config.logger, directory, card.kind), {card.kind: network}
-    log_network(config, dataset, directory, loggers, networks, further=further)
+    log_network(config, dataset.classes, directory, loggers, networks, further, trained=False)
     seconds = time.perf_counter() - begin
     model = str(card.baseline.get("name", system_name(checkpoint)))
     results = results_frame(
