@@ -43,8 +43,17 @@ def check_parts(
 ) -> None:
     """Check the parts of one sense: train it on two recordings, save it and load it again.
 
-    It is trained by the recipe ``fit`` on pieces of this length or side. A new classifier of the
-    same card (``rebuilt``) gets its state. ``change`` is the augmentation of photos, if any.
+    Args:
+        classifier: Classifier of a single sense.
+        rebuilt: A new classifier of the same card, which gets the state of ``classifier``.
+        fit: The training recipe.
+        piece: Length or side of the pieces that it is trained on.
+        recordings: Decoded recordings.
+        store: Store of the decoded recordings.
+        change: The augmentation of photos; None for none.
+
+    Raises:
+        UserError: If a part does not keep its contract.
     """
     (sense,), network, card = classifier.senses.values(), classifier.network, classifier.card
     features, scored = parts_of(sense)
@@ -162,7 +171,13 @@ def check_gradient(scores: Tensor, sense: Sense, part: Part) -> None:
 def check_trunk(part: Part, trunk: Trunk, images: Tensor) -> None:
     """Reject a trunk whose features are not finite (batch, out_channels, rows, columns).
 
-    It is given images (batch, 3, height, width); ``part`` is how its contract names it.
+    Args:
+        part: The trunk, as its contract names it.
+        trunk: The trunk.
+        images: Images (batch, 3, height, width).
+
+    Raises:
+        UserError: If they are not.
     """
     check_call(part, trunk.forward, "images")
     with calling(*part):

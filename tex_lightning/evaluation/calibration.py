@@ -87,8 +87,11 @@ def sample_loss(
 ) -> float:
     """Return the mean negative logarithm of the probability that samples' own class gets.
 
-    Scores are (classes, fragments) of each sample, of which there is at least one, and are divided
-    by the temperature before the softmax.
+    Args:
+        card: Card of the classifier.
+        samples: At least one.
+        scores: Class scores (classes, fragments) of each.
+        temperature: Divisor of the scores before the softmax.
     """
     labels = class_indices([sample.label for sample in samples], card.classes)
     votes = [RULES[card.rule](logits, temperature) for logits in to_cpu(scores)]
@@ -99,7 +102,10 @@ def sample_loss(
 def sample_temperature(card: Card, samples: Sequence[Sample], scores: Sequence[Tensor]) -> float:
     """Return the temperature under which the probabilities of samples fit their classes best.
 
-    Arguments are those of :func:`sample_loss`, of the validation fold.
+    Args:
+        card: Card of the classifier.
+        samples: Samples of the validation fold, at least one.
+        scores: Class scores (classes, fragments) of each.
     """
     if RULES[card.rule].by_mean_score:  # which alone counts then
         scores = [logits.mean(dim=1, keepdim=True) for logits in scores]

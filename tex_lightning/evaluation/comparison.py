@@ -91,9 +91,14 @@ def pair(
 ) -> list[tuple[str, bool, bool]] | None:
     """Return each joint sample's independent recording, and whether each system is correct.
 
-    That recording is of the modality with the fewest recordings, which several samples share. The
-    first outcomes are of a system that uses some of the modalities, the joint ones of all of them.
-    None if no joint sample holds what the first system has classified.
+    That recording is of the modality with the fewest recordings, which several samples share.
+
+    Args:
+        outcomes: Outcomes of a system that uses some of the modalities.
+        joint: Outcomes of a system that uses all of them.
+
+    Returns:
+        None if no joint sample holds what the first system has classified.
     """
     modalities = sorted(outcomes[0].files)
     if not set(modalities) <= set(joint[0].files):

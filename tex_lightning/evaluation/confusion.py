@@ -95,7 +95,10 @@ def own_pairs(
 ) -> list[OwnPair]:
     """Return the pairs that each network confuses much more than another one does.
 
-    Outcomes are of the same recordings, by network; ``most`` so many pairs of each are returned.
+    Args:
+        outcomes: Outcomes of the same recordings by network.
+        classes: Names of the classes.
+        most: So many pairs of each network.
     """
     shares = {name: row_shares(fragment_counts(each, classes)) for name, each in outcomes.items()}
     index = {name: number for number, name in enumerate(classes)}

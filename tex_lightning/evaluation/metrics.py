@@ -170,10 +170,12 @@ def logged_figures(entry: Mapping[str, Any]) -> dict[str, float]:
 
 
 def pooled_metrics(outcomes: Sequence[Outcome], *, calibrated: bool = True) -> dict[str, Any]:
-    """Return entries of ``results.json`` that follow from the outcomes of at least one sample.
+    """Return entries of ``results.json`` that follow from the outcomes of some folds.
 
-    Calibration is among them, if asked for: it takes the probabilities of each sample, which files
-    of earlier versions lack.
+    Args:
+        outcomes: Outcomes of at least one sample.
+        calibrated: Whether calibration is among them, which takes the probabilities of each sample;
+            files of earlier versions lack those.
     """
     entry = {**summarise(outcomes), **class_metrics(outcomes)}
     if calibrated:

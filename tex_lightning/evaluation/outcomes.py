@@ -107,7 +107,11 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
 def optimized_value(results: dict[str, Any]) -> float | None:
     """Return what a search minimises, the validation loss, and never anything of the test.
 
-    None without a validation fold.
+    Args:
+        results: Results of a training; its last network is the one that was asked for.
+
+    Returns:
+        None without a validation fold.
     """
     *_, network = results["networks"].values()  # the one that was asked for
     loss: float | None = network.get("val_loss")
@@ -153,9 +157,11 @@ def write_results(path: Path, results: dict[str, Any]) -> None:
 
 
 def environment(device: torch.device, trainer: TrainerConfig | None = None) -> dict[str, Any]:
-    """Return the environment in which a figure was measured by a device.
+    """Return the environment in which a figure was measured.
 
-    An NVIDIA GPU is described further, with the precision of a trainer.
+    Args:
+        device: That computed. An NVIDIA GPU is described further.
+        trainer: Settings of the trainings, for their precision; None tells none.
     """
     cuda = device.type == "cuda"
     name = torch.cuda.get_device_name(device) if cuda else device.type

@@ -57,7 +57,10 @@ def find_failures(trials: Sequence[StabilityRow]) -> list[Failure]:
     """Return where every system fails under every perturbation, what fails first in front.
 
     What breaks at the lowest severity is first, then what is lower from the lowest one, then what
-    has the most errors. Of each system and perturbation there are trials of all severities, 0 too.
+    has the most errors.
+
+    Args:
+        trials: All severities of each system and perturbation, severity 0 included.
     """
     groups: dict[tuple[str, str], list[StabilityRow]] = {}
     for trial in trials:

@@ -119,11 +119,13 @@ def rewritten(
     """Return the rewritten network of a sense, or the network itself if no rewriting is equal.
 
     Networks of this package are known to be rewritten exactly. A user's network may call its layers
-    in other ways, so its rewritten copy has to give the same outputs on noise at the levels at
-    which it is used. A network of this package is changed in place.
+    in other ways, so its rewritten copy has to give the same outputs on noise.
 
-    The sense is in evaluation mode, without gradients; with a user's network it is on the CPU. The
-    ``ways`` rewrite a network and return the number of changes, the best way first.
+    Args:
+        sense: Sense in evaluation mode, without gradients; with a user's network on the CPU. A
+            network of this package is changed in place, a user's is copied.
+        levels: Levels at which the network is used.
+        ways: Functions that rewrite a network and return the number of changes, the best first.
     """
     network = sense.network
     if is_builtin(network):
@@ -209,8 +211,12 @@ def count_macs(function: Callable[[], object]) -> int:
 def sample_macs(classifier: SurfaceClassifier, **recordings: Tensor) -> int:
     """Count the multiply-accumulates of the class scores of a sample, including its features.
 
-    The classifier is not accelerated. Networks of this package run on meta tensors, without memory:
-    not tiled, a large photo would take far more memory than its test.
+    Networks of this package run on meta tensors, without memory: not tiled, a large photo would
+    take far more memory than its test.
+
+    Args:
+        classifier: Classifier as it was trained and not accelerated.
+        **recordings: Decoded recordings by modality.
     """
     senses = classifier.senses.items()
     for _, sense in senses:

@@ -117,7 +117,12 @@ def make_prediction(
 def check_unknown(card: Card, described: bool) -> None:
     """Reject ``decision.unknown`` for a checkpoint without novelties; warn if it has few.
 
-    It also needs statistics of its features (``described``).
+    Args:
+        card: Card with the decision to check.
+        described: Whether there are statistics of its features.
+
+    Raises:
+        UserError: Saying what it lacks.
     """
     if not card.unknown:
         return

@@ -163,7 +163,12 @@ def position_features(
 ) -> Iterator[Tensor]:
     """Yield features (D, positions) of one sense, on the device that computes, of each recording.
 
-    Network inputs are taken from a ``bank`` of the same recordings, if there is one.
+    Args:
+        classifier: In evaluation mode.
+        name: Name of the sense.
+        rows: Recordings of its modality.
+        store: Where they are decoded.
+        bank: Bank whose network inputs are used, if its recordings are the same; else None.
     """
     modality = classifier.senses[name].modality
     inputs = bank.inputs if isinstance(bank, InputBank) and bank.as_given else None

@@ -62,8 +62,12 @@ def fit_linear_head(
     With few photos the penalty makes the scores too small, and so too unconfident. They are scaled
     until the confidence in left-out groups of photos equals the accuracy there.
 
-    The module is on the device that computes. Photos have an augmentation if they are to be
-    perturbed; ``labels`` are their class indices, of which every class occurs.
+    Args:
+        module: Module of the VisualNet with a pretrained trunk, on the device that computes.
+        photos: Photos of the training set, with an augmentation if they are to be perturbed.
+        labels: Class index of each photo; every class occurs.
+        groups: Group of each photo.
+        engine: Settings of the accelerated copy that computes the features.
     """
     recipe = module.fit_config["probe"]
     module.network.trunk.eval()

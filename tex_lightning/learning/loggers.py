@@ -185,10 +185,16 @@ def log_test(
 ) -> None:
     """Log the metrics and artifacts of a test, and the hyper-parameters of the network.
 
-    A network that was trained on all recordings has no test; its training is logged. ``config`` is
-    the whole configuration as plain values, or what of it was read, and ``result`` the network's
-    entry of ``results.json``. ``trial`` are the settings by which TensorBoard compares this
-    training with others; None for a fold of a cross-validation, and for an evaluation.
+    A network that was trained on all recordings has no test; its training is logged.
+
+    Args:
+        loggers: Loggers of the network.
+        name: Name of the network: its sense, or ``fusion``.
+        config: The whole configuration as plain values, or what of it was read.
+        result: The network's entry of ``results.json``.
+        artifacts: Figures, texts and the like.
+        trial: Settings by which TensorBoard compares this training with others; None for a fold
+            of a cross-validation, and for an evaluation, which trains nothing.
     """
     metrics = logged_figures(result)
     if trial is not None:

@@ -80,8 +80,12 @@ def trained_on(
 ) -> dict[str, Any]:
     """Return ``trained_on`` of a card: digests of the recordings, and the fold that is left out.
 
-    The recordings of networks that it starts from (cards ``begun``) count as its own. ``source`` is
-    that of the trunk's first weights; None is random, or the trunk of ``begun``.
+    Args:
+        card: Card of the network to train.
+        parts: Recordings by part.
+        data: Division into folds.
+        begun: Cards of the networks that it starts from, whose recordings count as its own.
+        source: Source of the trunk's first weights; None is random, or the trunk of ``begun``.
     """
     inverted = data.inverted and data.test_fold is not None
     used = (row for part in (parts.train, parts.val) for row in part)

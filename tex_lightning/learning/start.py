@@ -84,8 +84,11 @@ def start_fusion(
 ) -> None:
     """Copy networks and fitted features of trained senses into FusionNet.
 
-    With the ``head_start`` ``scores`` the fusion layer gives the sum of the class scores of all
-    networks, with ``random`` its weights are small and random.
+    Args:
+        module: Module of the fusion.
+        starts: By sense the classifier whose weights are copied.
+        head_start: First weights of the fusion layer: with ``scores`` it gives the sum of the
+            class scores of all networks, with ``random`` its weights are small and random.
     """
     for name, start in starts.items():
         sense, source = module.classifier.senses[name], start.cpu().senses[name]

@@ -279,7 +279,9 @@ def fit_line(
 def factors_of(one: float | None, counts: Tensor) -> Tensor:
     """Return by how much the scores of each class are enlarged (classes,), at least 1.
 
-    That is by the reliability of ``one`` unit's score, and the units (classes,) of each class.
+    Args:
+        one: Reliability of the score that one unit gives; None enlarges none.
+        counts: Units (classes,) of each class.
     """
     if one is None:
         return torch.ones(len(counts)).double()
@@ -295,7 +297,11 @@ def enlarged(scores: Tensor, factors: Tensor) -> Tensor:
 def sharpness_of(left_out: Tensor, labels: Tensor, parts: Tensor, about: float) -> float:
     """Return the scale under which left-out scores (rows, classes) are as confident as correct.
 
-    It is a tenth to ten times ``about``. Rows whose part is -1 were not left out.
+    Args:
+        left_out: Scores of each row by a fit without its part.
+        labels: (rows,) class indices.
+        parts: (rows,) part in which each row is left out; -1 for none.
+        about: A tenth to ten times of which it is.
     """
     scores = [*(about * left_out[parts >= 0][:, :, None])]
     return about / fit_temperature(scores, labels[parts >= 0].tolist())

@@ -89,12 +89,14 @@ class FusionLayer(nn.Module):
 
     @torch.no_grad()
     def start_from_scores(self, *networks: nn.Module) -> None:
-        """Set the head to the sum of the class scores of the trained networks of all senses.
+        """Set the head to the sum of the class scores of trained networks.
 
         Given the class, what the senses say is independent, so that their probabilities multiply
         and their scores add. Fusion then begins with what all networks know, weighted by how sure
         they are, and need not learn it anew from samples that all have seen and find equally easy.
 
+        Args:
+            *networks: Those of all senses, with their score layers.
         """
         weights, bias = [], torch.zeros_like(self.head.bias)
         for network, level in zip(networks, self.levels, strict=True):
@@ -184,9 +186,11 @@ class FusionNet(FusionLayer):
         self.remove_scores(self.networks)
 
     def forward(self, *inputs: Tensor, tuples: Tensor | None = None) -> Tensor:
-        """Return class scores before softmax (B, classes, P) of the network input of each sense.
+        """Return class scores before softmax, (B, classes, P).
 
-        Their positions are the ``tuples`` of :meth:`fuse`.
+        Args:
+            *inputs: Network input of each sense.
+            tuples: Tuples of positions, see :meth:`fuse`.
         """
         return self.fuse(self.parts(*inputs), tuples)
 

@@ -146,9 +146,11 @@ def _holds(network: Any, geometry: Geometry, example: Tensor, axis: int, more: i
 
 
 def layer_windows(network: nn.Module, axis: int) -> list[Window]:
-    """Return the geometry of every convolution and pooling of a network or a part, in order.
+    """Return the geometry along one axis of every convolution and pooling of a network, in order.
 
-    It is that along an axis: 0 for bands and rows, 1 for frames and columns.
+    Args:
+        network: A network or a part of one.
+        axis: 0 for bands and rows, 1 for frames and columns.
     """
     windows = []
     for layer in network.modules():
@@ -186,17 +188,27 @@ def smallest_side(windows: Sequence[Window], places: int = 1) -> int:
 def affordable(windows: Layers, most: int | None) -> int | None:
     """Return the largest H * W of a piece, raised where a piece would be mostly margin.
 
-    ``most`` is what was asked for; None does not divide. The receptive field of EfficientNet-Lite2
-    is 1307 pixels along each axis: with pieces of two million pixels, a photo of eight million
-    would be computed 178 times over.
+    The receptive field of EfficientNet-Lite2 is 1307 pixels along each axis: with pieces of two
+    million pixels, a photo of eight million would be computed 178 times over.
+
+    Args:
+        windows: The layers along H and along W.
+        most: The requested size; None does not divide.
     """
     return most and max(most, prod(MARGINS * receptive_field(axis) for axis in windows))
 
 
 def split_axis(windows: Sequence[Window], size: int, pieces: int) -> list[Span]:
-    """Divide the output along one axis, of ``size`` elements of the input, into ``pieces``.
+    """Divide the output along one axis into ``pieces``.
 
-    These are at least 1 and at most the number of output positions.
+    Args:
+        windows: The layers along this axis.
+        size: Elements of the input.
+        pieces: At least 1 and at most the number of output positions.
+
+    Returns:
+        For every piece the elements of the input that it reads, the positions that it gives, and
+        where these stand in its own output.
     """
     count = side_after(windows, size)
     stride = prod(window.stride for window in windows)

@@ -42,10 +42,13 @@ class ShortLine(FittedLater):
         self.limit = float(self.most) if self.in_use else 0.0
 
     def layer(self, long: nn.Conv2d, count: int) -> tuple[Tensor, Tensor]:
-        """Return weights (classes, D, 1, 1) and biases of a recording of ``count`` fragments.
+        """Return weights (classes, D, 1, 1) and biases of a recording of so many fragments.
 
-        While a fusion is trained on single fragments, they are those of a ``long`` one, of more
-        than ``most``. In an export their number is known only at run time.
+        While a fusion is trained on single fragments, they are those of a long one.
+
+        Args:
+            long: The layer of recordings of more than ``most``.
+            count: Number of fragments; in an export it is known only at run time.
         """
         mine, others = (self.weight, self.bias), (long.weight, cast(Tensor, long.bias))
         if self.in_use and torch.compiler.is_exporting():
@@ -147,7 +150,9 @@ class ScoreReach(FittedLater):
     def forward(self, scores: Tensor, mean: Tensor) -> Tensor:
         """Return class scores (B, classes, positions), times at most one.
 
-        ``mean`` are the features (B, D) of the whole recording that passed the gate.
+        Args:
+            scores: The scores.
+            mean: Mean features (B, D) of the whole recording that passed the gate.
         """
         length = mean.square() @ self.share
         factor = (self.longest / length.clamp_min(torch.finfo(length.dtype).tiny)).clamp(max=1)
@@ -224,7 +229,10 @@ class LineOrPlanes(nn.Sequential):
 def weighed(x: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
     """Return scores (B, classes, M, N) of features (B, D, M, N), which a convolution would copy.
 
-    The weights are a convolution's (classes, D, 1, 1), the biases (classes,).
+    Args:
+        x: Features, in any layout.
+        weight: (classes, D, 1, 1).
+        bias: (classes,).
     """
     scores = weight.flatten(1) @ x.flatten(2) + bias[:, None]
     return scores.reshape(x.shape[0], -1, *x.shape[2:])

@@ -102,9 +102,12 @@ class FeatureRange(FittedLater):
         super().__init__(lowest=(bands,), highest=(bands,), share=(), most=())
 
     def fit(self, means: Tensor, count: int, most: int) -> None:
-        """Take the range of mean features (versions, D) of ``count`` training recordings.
+        """Take the range of the training.
 
-        ``most`` is the attribute.
+        Args:
+            means: Features (versions, D) of recordings.
+            count: Number of the recordings that these are versions of.
+            most: Fragments of the longest recording that is short.
         """
         self.take({
             "lowest": means.amin(dim=0),

@@ -161,15 +161,20 @@ def whitened(rows: Tensor, whitening: Tensor) -> Tensor:
 def reliability_of_means(one: float, counts: Tensor) -> Tensor:
     """Return how reliable means of several measurements are (Spearman 1910; Brown 1910).
 
-    The reliability of one is above 0, up to 1; there are ``counts`` measurements in each mean.
+    Args:
+        one: Reliability of one measurement, above 0 to 1.
+        counts: Number of measurements.
     """
     return counts * one / (1 + (counts - 1) * one)
 
 
 def reliability_of_one(ratio: float, fewer: float, more: float) -> float:
-    """Return the reliability of one measurement from that of two means.
+    """Return the reliability of one measurement from the ratio of those of two means.
 
-    ``ratio`` is that of a mean of ``fewer`` measurements, divided by that of a mean of ``more``.
+    Args:
+        ratio: Reliability of a mean of fewer, divided by that of a mean of more.
+        fewer: Number of measurements in the first mean.
+        more: Number in the second, larger.
     """
     scaled = ratio * more / fewer
     return (scaled - 1) / max(more - 1 - scaled * (fewer - 1), 1e-9)
@@ -211,7 +216,10 @@ def equal_scatter(rows: Tensor, labels: Tensor) -> Tensor:
 def discriminants(scores: Tensor, labels: Tensor, shrinkage: float) -> tuple[Tensor, Tensor]:
     """Return coefficients (classes, classes) and intercept (classes,) of linear discriminants.
 
-    They are of scores (rows, classes), with the shrinkage of :func:`scatter`.
+    Args:
+        scores: (rows, classes).
+        labels: (rows,) class indices.
+        shrinkage: As of ``scatter``.
     """
     means, within = scatter(scores, labels, shrinkage)
     absent = scores.shape[1] - len(means)  # classes beyond the last that has rows

@@ -78,10 +78,15 @@ def training_rows(examples: Examples) -> tuple[Tensor, Tensor, LeftOut]:
 
 
 def unit_changes(disturbed: Sequence[Pair], scale: Tensor, levels: int) -> Tensor:
-    """Return by how much disturbed rows times ``scale`` (D,) differ, of length one: (changes, D).
+    """Return by how much disturbed rows differ, each of length one: (changes, D).
 
-    Kinds of disturbance count alike then, whether they are strong or weak. The last features, so
-    many levels, which a disturbance need not keep, count nothing.
+    Kinds of disturbance count alike then, whether they are strong or weak. Levels, which a
+    disturbance need not keep, count nothing.
+
+    Args:
+        disturbed: As of :class:`Examples`.
+        scale: By which features are multiplied (D,).
+        levels: Number of the last features, which are levels.
     """
     pairs = [[x[0].double().cpu().mean(dim=1) for x in pair] for pair in disturbed]
     changes = torch.zeros(len(pairs), len(scale)).double()

@@ -193,8 +193,12 @@ NORM_AFTER = {
 def fold_statistics(content: Mapping[str, Tensor]) -> dict[str, Tensor]:
     """Return weight and bias of every convolution that gives what it and its normalisation gave.
 
-    They are float64, by the names of tensors in the file, as those given are. A convolution whose
-    normalisation is not in the file has no bias.
+    Args:
+        content: Tensors by their names in the file.
+
+    Returns:
+        ``CONVOLUTION.weight`` and ``CONVOLUTION.bias`` in float64. A convolution whose
+        normalisation is not in the file has no bias.
     """
     folded = {}
     for name, weight in content.items():

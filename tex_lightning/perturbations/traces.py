@@ -152,7 +152,10 @@ DISTURBANCES: tuple[tuple[Function, float, float], ...] = (
 def disturbed(trace: Array, kind: int, scene: Scene) -> Array:
     """Change a signal as sensors, clocks and hands differ, which changes no material.
 
-    ``kind`` is the number of a disturbance, counted on beyond the last; its strength is drawn.
+    Args:
+        trace: (axes, samples) float32.
+        kind: Number of the disturbance, counted on beyond the last; its strength is drawn.
+        scene: Circumstances of the recording.
     """
     function, least, most = DISTURBANCES[kind % len(DISTURBANCES)]
     changed = function(trace, scene.rng.uniform(least, most), scene)

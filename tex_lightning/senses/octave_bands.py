@@ -237,9 +237,19 @@ def compared(bands: Tensor, mean: Tensor, gap: int, kinds: int) -> Tensor:
 
 
 def octave_filters(sampling_rate: float, samples: int, per_octave: int) -> Tensor:
-    """Return :func:`mean_filters` of bands even in octaves, each between its neighbours' centres.
+    """Return triangles, even in the logarithm of frequency, that average the power of each band.
 
-    They are from one period of the window up to half the rate, and none has the constant part.
+    A triangle reaches to the centres of its neighbours, and at least to the neighbouring channels
+    of the transform, so that every band has one; none has the constant part.
+
+    Args:
+        sampling_rate: Sampling rate in Hz.
+        samples: Length of the transform.
+        per_octave: Bands in an octave.
+
+    Returns:
+        (bands, samples // 2 + 1), not negative, rows summing to 1; from one period of the window up
+        to half the rate.
     """
     steps = torch.arange(count_bands(samples, per_octave), dtype=torch.float64)
     centres, step = sampling_rate / samples * 2 ** (steps / per_octave), 2 ** (1 / per_octave)

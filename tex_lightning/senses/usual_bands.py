@@ -66,8 +66,12 @@ class UsualBands(nn.Module):
     def without_empty(self, logs: Tensor, mean: Tensor) -> tuple[Tensor, Tensor]:
         """Return log bands (axes, frames, bands) with NaN for empty ones, and the frames' mean.
 
-        Empty bands would change the mean (axes, frames, 1), and with it all others, so they count
-        there as they usually are beside the others.
+        Empty bands would change the mean, and with it all others, so they count there as they
+        usually are beside the others.
+
+        Args:
+            logs: (axes, frames, bands).
+            mean: (axes, frames, 1) of all bands.
         """
         if not self.known:
             return logs, mean

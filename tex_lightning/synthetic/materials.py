@@ -129,7 +129,11 @@ def make_materials(classes: int, seed: int) -> list[Material]:
 
     Class ``i`` depends on ``i`` and ``seed`` only: a smaller set begins a larger one. The
     parameters follow a low-discrepancy sequence, so classes keep their distance by construction
-    instead of by luck. The seed, not negative, is that of the whole data set.
+    instead of by luck.
+
+    Args:
+        classes: Number of classes.
+        seed: Seed of the whole data set, not negative.
     """
     return [_make_material(index, seed) for index in range(classes)]
 

@@ -49,8 +49,14 @@ def shaped_noise(
 ) -> Field:
     """Filter white noise into a periodic field of zero mean and unit variance.
 
-    It has so many points along either side, at a pitch in mm; the gain is the amplitude at spatial
-    frequencies (x, y, radial) in cycles per mm.
+    Args:
+        rng: Source of the noise.
+        points: Grid points along a side.
+        pitch: Grid pitch in mm.
+        gain: Amplitude from the spatial frequencies (x, y, radial), in cycles per mm.
+
+    Returns:
+        Field of shape (points, points).
     """
     amplitude = gain(*_frequencies(points, pitch))
     white = rng.standard_normal((points, points), dtype=np.float32)

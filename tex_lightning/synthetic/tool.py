@@ -57,10 +57,15 @@ class Stroke:
 
 
 def draw_stroke(rng: np.random.Generator, seconds: float, sampling_rate: int) -> Stroke:
-    """Draw a free-hand stroke of at least 1 s.
+    """Draw a free-hand stroke.
 
     The tool hangs in the air for 0.2 to 0.4 s, lands, and then wanders mainly across the grooves
     (along x) with slowly varying speed, direction and force.
+
+    Args:
+        rng: Source of everything that varies from stroke to stroke.
+        seconds: Duration of the recording, at least 1.
+        sampling_rate: Samples per second.
     """
     count = round(seconds * sampling_rate)
     mean_speed = 90 * float(np.exp(0.12 * np.clip(rng.standard_normal(), -2, 2)))  # mm/s

@@ -20,7 +20,9 @@ def caffe_channels(width: float) -> tuple[int, ...]:
 def caffe_conv123(channels: tuple[int, ...], norm: Norm) -> OrderedDict[str, nn.Module]:
     """Return conv1 to conv3 of Caffe's AlexNet: each of the first two is normalised, then pooled.
 
-    Of the norms, "lrn" is the published network; "batch" normalises what is pooled already.
+    Args:
+        channels: Channel counts of conv1, conv2 and conv3.
+        norm: "lrn" is the published network; "batch" normalises what is pooled already.
     """
     one, two, three = channels
     first = conv_block(3, one, 11, norm=norm, stride=4)

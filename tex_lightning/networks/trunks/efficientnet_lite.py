@@ -151,9 +151,14 @@ class TextureFeatures(nn.Module):
         self.average = window.average_pool()
 
     def pooled(self, maps: Tensor, positions: int) -> Tensor:
-        """Average one layer's maps (B, D, M, N) over every window: (B, D, M', N').
+        """Average one layer's maps over every window.
 
-        They have so many ``positions`` along each axis per position of the coarsest maps.
+        Args:
+            maps: (B, D, M, N).
+            positions: Positions along each axis per position of the coarsest maps.
+
+        Returns:
+            (B, D, M', N').
         """
         averages: Tensor = self.average(avg_pool2d(maps, positions))
         return averages

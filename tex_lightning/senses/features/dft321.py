@@ -10,12 +10,17 @@ from torch import Tensor
 
 
 def dft321(trace: Tensor) -> Tensor:
-    """Reduce three axes, or any number of channels, of a whole trace to one.
+    """Reduce three axes, or any number of channels, to one over the whole trace.
 
     The mean of each axis (gravity, sensor offset) is removed first. The energy of the result
     equals that of the three axes together. Where axes cancel in the sum its phase carries no
-    meaning; the magnitude is right all the same. A real tensor (..., axes, samples) gives one
-    (..., samples) of the same type.
+    meaning; the magnitude is right all the same.
+
+    Args:
+        trace: Real tensor (..., axes, samples).
+
+    Returns:
+        Tensor (..., samples) of the same type.
     """
     samples = trace.shape[-1]
     axes = torch.fft.rfft(trace - trace.mean(dim=-1, keepdim=True))

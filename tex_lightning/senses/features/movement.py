@@ -28,11 +28,14 @@ LOUD = 9  # tenths of the blocks that are quieter than what is called loud: so m
 
 
 def movement_start(trace: Tensor, sampling_rate: float) -> int:
-    """Return where steady movement starts: 0.2 s after a touch that breaks a quiet beginning.
+    """Return first sample of steady movement: 0.2 s after a touch that breaks a quiet beginning.
 
     A recording that starts while the tool already moves has no such touch and is kept whole: a
     burst is a touch only if the 0.1 s of movement after it are louder than the beginning as well.
-    The trace is (axes, samples), its rate in Hz.
+
+    Args:
+        trace: (axes, samples).
+        sampling_rate: Sampling rate in Hz.
     """
     quiet, settling = int(QUIET_SECONDS * sampling_rate), int(SETTLING_SECONDS * sampling_rate)
     search, known = int(SEARCH_SECONDS * sampling_rate), int(KNOWN_SECONDS * sampling_rate)
@@ -68,12 +71,15 @@ def left_out(trace: Tensor, sampling_rate: float) -> Tensor:
 
 
 def left_out_blocks(trace: Tensor, sampling_rate: float) -> Tensor:
-    """Return which blocks (blocks,) of a signal (axes, samples) belong to a rest, or are a knock.
+    """Return which blocks (blocks,) of a signal belong to a rest, or are a knock.
 
     A rest is at least 0.4 s of blocks whose power without their mean is far below that of the loud
     ones, with what is within 0.2 s of it and louder than the movement. A knock is a block far above
-    the loud ones of the movement, with those beside it, if only one in two seconds is. The signal
-    is at least one block long, and its rate in Hz.
+    the loud ones of the movement, with those beside it, if only one in two seconds is.
+
+    Args:
+        trace: (axes, samples), at least one block long.
+        sampling_rate: Sampling rate in Hz.
     """
     length = block_length(sampling_rate)
     power = block_power(trace, length)
@@ -84,7 +90,8 @@ def left_out_blocks(trace: Tensor, sampling_rate: float) -> Tensor:
 def power_limits(ordered: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Return below which power () blocks may be a rest, and above which a bump and a knock.
 
-    ``ordered`` is the power (blocks,) of all blocks, in order of size.
+    Args:
+        ordered: Power (blocks,) of all blocks, in order of size.
     """
     last = ordered.shape[0] - 1
     rest = REST_POWER * ordered[LOUD * last // 10]
@@ -155,10 +162,13 @@ def sums(values: Tensor, length: int) -> Tensor:
 
 
 def moving(trace: Tensor, sampling_rate: float, *, pieces: bool = True) -> Tensor:
-    """Return the movement in a signal (axes, samples), from its start on without rests and knocks.
+    """Return the movement in a signal: from its start on, and without rests and knocks.
 
-    Without ``pieces`` only those at its end are left out, and none in the middle, so that a
-    sample's number still tells its time.
+    Args:
+        trace: (axes, samples).
+        sampling_rate: Sampling rate in Hz.
+        pieces: Also leave out what is in the middle; else only what is at the end, so that a
+            sample's number still tells its time.
     """
     trace = trace[:, movement_start(trace, sampling_rate) :]
     if trace.shape[-1] < block_length(sampling_rate):

@@ -23,15 +23,30 @@ CORNER = 700.0  # Hz; bands are about evenly spaced below it and grow in proport
 def mel_centres(sampling_rate: float, bands: int) -> Tensor:
     """Return centres in Hz (bands,), float64, evenly spaced on the mel scale without its ends.
 
-    The scale is O'Shaughnessy's, ``2595 log10(1 + f / 700)``, which HTK and librosa call theirs. It
-    ends at half the sampling rate, which is in Hz.
+    The scale is O'Shaughnessy's, ``2595 log10(1 + f / 700)``, which HTK and librosa call theirs.
+
+    Args:
+        sampling_rate: Sampling rate in Hz; the scale ends at half of it.
+        bands: Number of bands.
     """
     top = np.log1p(sampling_rate / 2 / CORNER)
     return torch.from_numpy(CORNER * np.expm1(np.linspace(0, top, bands + 2)[1:-1]))
 
 
 def mel_filters(sampling_rate: float, samples: int, bands: int) -> Tensor:
-    """Return :func:`mean_filters` of bands, each from the centre of the one below to the next."""
+    """Return triangles that take the mean power of each band from that of the Fourier channels.
+
+    A triangle reaches from the centre of the band below to that of the band above, and at least to
+    the neighbouring channels, so that every band has one.
+
+    Args:
+        sampling_rate: Sampling rate in Hz.
+        samples: Length of the transform.
+        bands: Number of bands.
+
+    Returns:
+        (bands, samples // 2 + 1), not negative, rows summing to 1.
+    """
     centres = mel_centres(sampling_rate, bands)
     ends = torch.tensor([0, sampling_rate / 2], dtype=torch.float64)
     below, above = torch.cat((ends[:1], centres[:-1])), torch.cat((centres[1:], ends[1:]))
