@@ -228,7 +228,6 @@ def counted(correct: int, count: int) -> dict[str, Any]:
 
 
 WARM_UP = 2
-NOT_TRAINED = -1  # index of a class that is none of the classifier's
 
 
 def classify_sample(classifier: Decider, sample: Sample, store: Store) -> tuple[Vote, float]:
@@ -251,21 +250,17 @@ def classify_sample(classifier: Decider, sample: Sample, store: Store) -> tuple[
 
 
 def run_test(
-    classifier: Decider,
-    samples: Sequence[Sample],
-    store: Store,
-    fold: int | None = None,
+    classifier: Decider, samples: Sequence[Sample], store: Store, fold: int | None = None
 ) -> list[Outcome]:
     """Classify every sample of a fold, one at a time."""
     classes = classifier.card.classes
-    index = {name: number for number, name in enumerate(classes)}
     for sample in samples[:WARM_UP]:
         classify_sample(classifier, sample, store)
     outcomes = []
     for sample in track(samples, "testing sample"):
         vote, latency = classify_sample(classifier, sample, store)
-        truth = index.get(sample.label, NOT_TRAINED)
         counts = vote.fragments.bincount(minlength=len(classes)).tolist()
+        votes = {name: n for name, n in zip(classes, counts, strict=True) if n}
         outcomes.append(
             Outcome(
                 files={name: row.source for name, row in sample.recordings.items()},
@@ -273,9 +268,9 @@ def run_test(
                 predicted=classes[vote.label],
                 share=float(vote.shares[vote.label]),
                 fragments=len(vote.fragments),
-                correct_fragments=int((vote.fragments == truth).sum()),
+                correct_fragments=votes.get(sample.label, 0),
                 latency_ms=latency,
-                votes=to_json({name: n for name, n in zip(classes, counts, strict=True) if n}),
+                votes=to_json(votes),
                 relative_macs=vote.relative_macs,
                 probabilities=to_json(dict(zip(classes, vote.probabilities.tolist(), strict=True))),
                 novelty=math.nan if vote.novelty is None else vote.novelty,
