@@ -4,6 +4,7 @@ import errno
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
+from traceback import walk_tb
 from typing import Any
 
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
@@ -16,7 +17,6 @@ from omegaconf.errors import (
 from yaml import YAMLError
 
 from tex_lightning.config import CONF, READ_FILES
-from tex_lightning.config.composition import compose_config
 from tex_lightning.config.help_text import config_groups
 from tex_lightning.config.user_folders import named_folders, user_folders
 from tex_lightning.core.contract import fault_of, rejected_by_library
@@ -124,10 +124,11 @@ def explain(error: Exception) -> UserError:
         return _unresolved(error)
     if named := SAME_NAME.search(str(error)):
         return UserError(_shadowed(*named.groups()))
-    match = KEY.search(str(error))
-    if match and not str(error.__cause__).startswith("Value "):
-        node = getattr(error.__cause__, "parent_node", None)  # that of a deletion is not told
-        root = compose_config() if node is None else node._get_root()
+    match, root = KEY.search(str(error)), getattr(error.__cause__, "parent_node", None)
+    for frame, _ in walk_tb(error.__traceback__):  # a deletion has no cause, but Hydra's variable
+        root = frame.f_locals.get("cfg") if root is None else root
+    if match and root is not None and not str(error.__cause__).startswith("Value "):
+        root = root._get_root()
         values: Any = OmegaConf.to_container(root, resolve=False)
         if match[1] not in _names(values):  # else it is null
             return unknown_key(match[1], root)
