@@ -4,9 +4,12 @@ import io
 import logging
 import sys
 import types
+from functools import partial
+from threading import Thread
 
 import pytest
-from rich.console import Console
+from rich.console import Console, RenderHook
+from rich.progress import Progress
 from terminal import Screen
 
 from tex_lightning.core import console as screen
@@ -80,6 +83,26 @@ def test_bars_stand_below_each_other_and_go_away(terminal, log):
     assert terminal.widest <= 80
     for shown in ("fold 2/2", "fusion 2/2", "epoch 2/2, loss 1.23, accuracy 40%", "Testing 3/3"):
         assert any(row.endswith(shown) for row in terminal.drawn)
+
+
+class Redrawn(RenderHook):
+    """Has another thread redraw the bars while a line is on its way to the terminal."""
+
+    def process_renderables(self, renderables):
+        thread = Thread(target=Stage.bars.refresh)
+        thread.start()
+        thread.join(0.2)
+        return renderables
+
+
+def test_no_line_is_lost_where_a_thread_redraws_fewer_bars(terminal, log, monkeypatch):
+    monkeypatch.setattr(progress, "Progress", partial(Progress, auto_refresh=False))
+    with Stage("fold", 3):
+        with Stage("network", 3), Stage("epoch", 3):
+            log.info("The first line.")
+        progress.console.push_render_hook(Redrawn())
+        log.info("The second line.")
+    assert [text for text in terminal.lines if text] == ["The first line.", "The second line."]
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])

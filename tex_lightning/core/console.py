@@ -10,7 +10,7 @@ import os
 import sys
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -123,8 +123,9 @@ def log_once(
 
 def say(text: str, style: str = "", *, wraps: bool = True) -> None:
     """Print a sentence at any value of ``verbose``; a command to copy does not wrap."""
-    wraps = wraps and console.is_terminal
-    console.print(Text(printable_lines(text), style), soft_wrap=not wraps)
+    wraps, live = wraps and console.is_terminal, console._live_stack
+    with live[0]._lock if live else nullcontext():  # else Rich's thread redraws bars in between
+        console.print(Text(printable_lines(text), style), soft_wrap=not wraps)
 
 
 class ConsoleHandler(logging.Handler):
