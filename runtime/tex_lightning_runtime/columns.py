@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from tex_lightning_runtime.column import IDS, MIN_RISING, SENSORS, SLOW, TIMES, Column, missing
+from tex_lightning_runtime.errors import counted
 from tex_lightning_runtime.samples import Array, Channels
 from tex_lightning_runtime.times import (
     EVEN,
@@ -96,11 +97,20 @@ def separate(
         _check_alone(axes)
         _check_order(axes, samples)
     found, said = Even(samples, rate or 0.0), rate_from if rate else ""
-    cut = [] if rows.all() else [f"{(~rows).sum()} lines without numbers in its axes are left out"]
+    cut = []
+    if not rows.all():
+        bare = "without numbers in its axes"
+        lines = counted(int((~rows).sum()), f"line {bare} is", f"lines {bare} are")
+        cut.append(f"{lines} left out")
     if times is not None and time is not None:
         once = ~_repeats(times[rows], samples)
         if not once.all():
-            cut.append(f"{(~once).sum()} lines that repeat the one before are left out")
+            lines = counted(
+                int((~once).sum()),
+                "line that repeats the one before is",
+                "lines that repeat the one before are",
+            )
+            cut.append(f"{lines} left out")
         found = even_samples(times[rows][once], samples[:, once])
         said = f"times in {_title(time)}{found.said}"
         if rate and not math.isclose(found.rate, rate, rel_tol=NOMINAL):

@@ -55,6 +55,11 @@ def reason(error: object) -> str:
     return shorten(said).rstrip(". ").replace(". ", "; ")
 
 
+def counted(number: int, one: str, several: str) -> str:
+    """Return a number with its words, such as ``1 file is`` and ``3 files are``."""
+    return f"{number} {one if number == 1 else several}"
+
+
 def listed(names: Sequence[str]) -> str:
     """Return names as a message quotes them: shortened, and no more than can be read."""
     more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""

@@ -16,6 +16,7 @@ from tex_lightning_runtime.cells import (
     decimal_mark,
     kind,
 )
+from tex_lightning_runtime.errors import counted
 from tex_lightning_runtime.heading import (
     COMMENT,
     FACTOR,
@@ -287,10 +288,10 @@ def _between(data: bytes, plain: bytes, above: list[str]) -> tuple[list[str], st
     found = {"empty": empty if empty < FOOTER else 0, "commented": remarks}
     again = (x for x in above if remarks and COMMENT.match(x) and re.search(r"\w\w", x))
     again = (x for x in again if f"\n{x}\n".encode() in data)
-    told = [
-        f"{count} {what} {'line stands' if count == 1 else 'lines stand'} between the numbers, "
-        "which are read as one recording"
+    told = (
+        counted(count, f"{what} line stands", f"{what} lines stand")
         for what, count in found.items()
         if count
-    ]
-    return told, next(again, "")
+    )
+    said = "between the numbers, which are read as one recording"
+    return [f"{lines} {said}" for lines in told], next(again, "")

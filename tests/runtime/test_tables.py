@@ -1180,7 +1180,7 @@ TOLD = {
         f"{ROWS}\n{ROWS}", "1 empty line stands between the numbers, which are read as one"
     ),
     "a remark": (f"{ROWS}# run 2\n{ROWS}", "1 commented line stands between the numbers, "),
-    "lines that repeat": ("t,x,y,z\n" + TWICE, "1 lines that repeat the one before are left out"),
+    "lines that repeat": ("t,x,y,z\n" + TWICE, "1 line that repeats the one before is left out"),
     "a line with text and a number as below": (
         "boot,440\n" + table(column(np.array(NUMBERS) * 7 % 99, "{}"), column(
             np.array(NUMBERS) % 97 + 400, "{}")),

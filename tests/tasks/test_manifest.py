@@ -28,7 +28,7 @@ def test_names_become_columns_and_others_are_counted(cli, flat):
     outcome = cli(*arguments)
     assert outcome.status == 0, outcome.err
     assert "8 recordings of 2 classes: pine, red_oak" in outcome.err
-    assert "1 files have other names, such as noise.npy" in outcome.err
+    assert "1 file has another name, such as noise.npy" in outcome.err
     assert list(Path.cwd().iterdir()) == []
     table = read_manifest(flat / "manifest.csv")
     assert table.classes == ["pine", "red_oak"]

@@ -210,7 +210,7 @@ def test_files_of_one_name_in_two_formats_are_one_group(tmp_path):
     assert [(row.path.name, row.group) for row in table] == [
         ("1.csv", "oak/0"), ("1.wav", "oak/0"), ("2.wav", "oak/1")
     ]  # fmt: skip
-    assert "1 recordings are there in two formats" in table.notes[0]
+    assert "1 recording is there in two formats" in table.notes[0]
 
 
 def test_a_class_in_a_folder_of_its_own_name_is_read(tmp_path):
