@@ -120,6 +120,10 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(group):
         # wrong keys
         (["model.haptic.widht=2"], "no key model.haptic.widht (did you mean model.haptic.width"),
         (["~model.haptic.widht"], "no key model.haptic.widht (did you mean model.haptic.width"),
+        (
+            ["experiment=few/haptic", "~model.haptic.features.thresholdz"],
+            "(did you mean model.haptic.features.thresholds",
+        ),
         (["~weights"], "weights is null already."),
         (["~model.haptic.width=7"], "The value of 'model.haptic.width' is 0.48 and not 7."),
         (["task=fit", "modle=haptic", "--help"], "no key modle (did you mean model?)"),
