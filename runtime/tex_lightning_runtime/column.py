@@ -77,7 +77,7 @@ LONGEST = 400  # letters of a name, in which units stand
 FEW, FULL = 10, 0.99  # recordings that a counter may number; share at which it begins anew
 MIN_RISING = 8  # samples; fewer numbers may rise by chance
 OFTEN = 0.1  # of the samples, at which a label or text changes if rows take turns
-BOTH_WAYS = 0.25  # of the steps rise, and as many fall, of a signal that is called one over time
+BOTH_WAYS = 0.25  # of the steps rise, and more fall, of a signal such as DE_time, one over time
 USUAL = 0.9  # of the steps of a counter, which may begin anew or miss some
 GLUED = ("time", "timestamp", "zeit", "gpstow")  # unixtime
 UNNAMED = re.compile(r"(unnamed: \d+(_level_\d+)?(\.\d+)?)?")
@@ -132,8 +132,7 @@ class Column:
             return False
         values, counts = np.asarray(self.values), words & {*INDICES, *COUNTS, *IDS}
         if words & TIMES or (not counts and are_moments(values)):
-            steps = np.diff(values)
-            return bool(min((steps < 0).sum(), (steps > 0).sum()) <= BOTH_WAYS * len(steps))
+            return not (words - OF_TIME and _swings(values))
         units, alone = {*self.units}, words - ({*UNITS} - {*self.words[:1]}) == {"t"}
         last = {unit for unit in self.words[1:][-1:] if unit in UNITS}
         first = (self.first or rising(values)) and "/" not in self.name
@@ -305,6 +304,13 @@ def plain_unit(unit: str) -> str:
 
 def _is(pattern: re.Pattern[str], cell: object) -> bool:
     return isinstance(cell, str) and pattern.fullmatch(cell.strip()) is not None
+
+
+def _swings(samples: Array) -> bool:
+    """Return whether samples rise and fall about zero, as no time does in whatever order."""
+    steps = np.diff(samples)
+    about = (samples < 0).any() and (samples > 0).any()
+    return bool(about and min((steps < 0).sum(), (steps > 0).sum()) > BOTH_WAYS * len(steps))
 
 
 def rising(samples: Array) -> bool:

@@ -872,6 +872,14 @@ def test_a_signal_that_is_called_one_over_time_is_an_axis(tmp_path):
     assert reading.axes == ("DE_time", "FE_time")
 
 
+@pytest.mark.parametrize("name", ["time_ms", "timestamp", "sensor_time"])
+def test_times_in_any_order_are_no_axis(tmp_path, name):
+    order = np.random.default_rng(0).permutation(COUNT)
+    shuffled = table(column(10.0 * order), X, Y, names=f"{name},x,y\n")
+    with pytest.raises(TableError, match=r"has (times that do not rise|the column of time)"):
+        read_table(write(tmp_path, shuffled))
+
+
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1"])
 def test_encodings(tmp_path, encoding):
     names = "Zeit (µs);Weg °;größe;z m/s²\n"
