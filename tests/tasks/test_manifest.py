@@ -23,6 +23,17 @@ def flat(tmp_path):
     return root
 
 
+def test_a_note_beside_recordings_is_another_name_unless_the_pattern_has_it(tmp_path):
+    for name in ("oak/1", "oak/notes", "elm/1", "oak/1/summary", "elm/2/summary"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        np.save(tmp_path / f"{name}.npy", np.zeros(100))
+    table, others = read_names(tmp_path, "{label}/*.npy")
+    assert [row.path.parent.name for row in table] == ["elm", "oak"]
+    assert "oak/notes.npy" in others
+    table, _ = read_names(tmp_path, "{label}/{group}/summary.npy")
+    assert [(row.label, row.group) for row in table] == [("elm", "2"), ("oak", "1")]
+
+
 def test_names_become_columns_and_others_are_counted(cli, flat):
     arguments = ("task=manifest", f"data.root={flat}", "pattern={label}_{person}_{group}.npy")
     outcome = cli(*arguments)

@@ -50,7 +50,8 @@ def read_names(root: Path, pattern: str) -> tuple[Recordings, list[str]]:
     wanted, rows, others = _compiled(pattern), [], []
     for path in _files(root):
         name = path.relative_to(root).as_posix()
-        if match := wanted.fullmatch(name):
+        about = path.stem.casefold() in READ_ME and path.stem not in pattern  # of the recordings
+        if not about and (match := wanted.fullmatch(name)):
             rows.append(_recording(path, name, match.groupdict()))
         else:
             others.append(name)
@@ -69,7 +70,7 @@ def _files(root: Path) -> Iterator[Path]:
     suffixes = (*TRACE_SUFFIXES, *IMAGE_SUFFIXES)
     visible = (path for path in root.rglob("*") if not is_hidden(path, root))
     for path in sorted(visible, key=lambda path: natural_key(path.as_posix())):
-        usable = path.suffix.lower() in suffixes and path.stem.casefold() not in READ_ME
+        usable = path.suffix.lower() in suffixes and path != root / "manifest.csv"
         if usable and path.is_file() and stands_for_all(path):
             yield path
 
