@@ -65,8 +65,9 @@ class SignalSense(Sense):
     @classmethod
     def make_decoder(cls, decode: Mapping[str, Any]) -> SignalDecoder:
         """Make the decoder; files without a rate have the one that all are brought to."""
-        rate, given, channels = decode["sampling_rate"], *map(decode.get, ("file_rate", "channels"))
-        chosen, unit = None if channels is None else tuple(channels), decode.get("time_unit")
+        rate, given = decode["sampling_rate"], decode.get("file_rate")
+        channels, unit = decode.get("channels"), decode.get("time_unit")
+        chosen = None if channels is None else tuple(channels)
         return SignalDecoder(rate, given or rate, chosen, unit, assumes=given is None)
 
     @property
