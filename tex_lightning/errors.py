@@ -7,7 +7,7 @@ import difflib
 from collections.abc import Iterable
 
 from tex_lightning_runtime.errors import UserError as UserError
-from tex_lightning_runtime.errors import counted as counted
+from tex_lightning_runtime.errors import inflected as inflected
 from tex_lightning_runtime.errors import listed as listed
 from tex_lightning_runtime.errors import reason as reason
 from tex_lightning_runtime.errors import shorten as shorten

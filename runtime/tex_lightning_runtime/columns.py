@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from tex_lightning_runtime.column import IDS, MIN_RISING, SENSORS, SLOW, TIMES, Column, missing
-from tex_lightning_runtime.errors import counted
+from tex_lightning_runtime.errors import inflected
 from tex_lightning_runtime.samples import Array, Channels
 from tex_lightning_runtime.times import (
     EVEN,
@@ -100,12 +100,12 @@ def separate(
     cut = []
     if not rows.all():
         bare = "without numbers in its axes"
-        lines = counted(int((~rows).sum()), f"line {bare} is", f"lines {bare} are")
+        lines = inflected(int((~rows).sum()), f"line {bare} is", f"lines {bare} are")
         cut.append(f"{lines} left out")
     if times is not None and time is not None:
         once = ~_repeats(times[rows], samples)
         if not once.all():
-            lines = counted(
+            lines = inflected(
                 int((~once).sum()),
                 "line that repeats the one before is",
                 "lines that repeat the one before are",

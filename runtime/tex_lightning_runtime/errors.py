@@ -55,8 +55,8 @@ def reason(error: object) -> str:
     return shorten(said).rstrip(". ").replace(". ", "; ")
 
 
-def counted(number: int, one: str, several: str) -> str:
-    """Return a number with its words, such as ``1 file is`` and ``3 files are``."""
+def inflected(number: int, one: str, several: str) -> str:
+    """Return a number with words in its form, such as ``1 file is`` and ``3 files are``."""
     return f"{number} {one if number == 1 else several}"
 
 

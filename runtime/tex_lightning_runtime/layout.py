@@ -16,7 +16,7 @@ from tex_lightning_runtime.cells import (
     decimal_mark,
     kind,
 )
-from tex_lightning_runtime.errors import counted
+from tex_lightning_runtime.errors import inflected
 from tex_lightning_runtime.heading import (
     COMMENT,
     FACTOR,
@@ -289,7 +289,7 @@ def _between(data: bytes, plain: bytes, above: list[str]) -> tuple[list[str], st
     again = (x for x in above if remarks and COMMENT.match(x) and re.search(r"\w\w", x))
     again = (x for x in again if f"\n{x}\n".encode() in data)
     told = (
-        counted(count, f"{what} line stands", f"{what} lines stand")
+        inflected(count, f"{what} line stands", f"{what} lines stand")
         for what, count in found.items()
         if count
     )

@@ -5,7 +5,7 @@ from tex_lightning.config.composition import Job
 from tex_lightning.core.console import say
 from tex_lightning.data.manifest import read_manifest, write_manifest
 from tex_lightning.data.readers.path_pattern import read_names
-from tex_lightning.errors import UserError, counted, listed
+from tex_lightning.errors import UserError, inflected, listed
 from tex_lightning_runtime.files import expanded
 
 
@@ -35,6 +35,6 @@ def run(config: Config, job: Job) -> None:
         say(note)
     say(f"{len(table)} recordings of {len(table.classes)} classes: {listed(table.classes)}.")
     if others:
-        files = counted(len(others), "file has another name", "files have other names")
+        files = inflected(len(others), "file has another name", "files have other names")
         say(f"{files}, such as {others[0]}.")
     say(f"Train on them with data=manifest data.manifest={out}")

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from tex_lightning.data.manifest import META, names_recordings
 from tex_lightning.data.recordings import MODALITIES, Recording, Recordings, is_hidden, sense_called
-from tex_lightning.errors import counted, listed
+from tex_lightning.errors import inflected, listed
 from tex_lightning_runtime.files import expanded
 
 SPLITS = {"train", "training", "val", "valid", "validation", "test", "testing", "eval", "fold"}
@@ -266,7 +266,7 @@ def _formats(rows: Sequence[Recording]) -> list[str]:
         return []
     one, other = twice[0][:2]
     return [
-        f"{counted(len(twice), 'recording is', 'recordings are')} there in two formats by their "
+        f"{inflected(len(twice), 'recording is', 'recordings are')} there in two formats by their "
         f"names, {one} and {other.name} for one; they are in one group, but delete one format if "
         "both hold the same."
     ]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tex_lightning.data.readers.layout import PLAIN, VERSIONS, advise, words
 from tex_lightning.data.recordings import Recording, Recordings
-from tex_lightning.errors import UserError, counted
+from tex_lightning.errors import UserError, inflected
 
 SENSOR = re.compile(
     r"(?<![a-z])(?:acc|accel[a-z]*|gyro[a-z]*|mag|magnet[a-z]*|gravity|orientation|force|torque|pressure"
@@ -72,7 +72,7 @@ def without_versions(root: Path, rows: Sequence[Recording]) -> Recordings:
     for word in sorted(VERSIONS & {*words(stem)}):  # else a folder has it
         at = stem.casefold().index(word)
         name = f"*{stem[at : at + len(word)]}*"
-    files = counted(
+    files = inflected(
         len(left),
         "file is left out as a version of a recording beside it by its name",
         "files are left out as versions of recordings beside them by their names",
