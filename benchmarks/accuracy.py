@@ -34,6 +34,7 @@ from benchmarks._field import best_peers, draw
 from benchmarks._run import RESULTS
 from tex_lightning.core.console import console
 from tex_lightning.core.files import write_rows, write_text
+from tex_lightning.core.run_folder import predictions_of
 from tex_lightning.data.decode import SignalDecoder, read_trace
 from tex_lightning.data.folds import is_tested, next_of_each, with_folds
 from tex_lightning.data.manifest import write_manifest
@@ -279,7 +280,7 @@ def run_package(overrides: list[str], rows: Rows, is_test: list[bool]) -> Traine
         data = ("data=manifest", f"data.manifest={manifest}", f"data.test_where={{{SPLIT}: test}}")
         results = tl.train(*overrides, *data, f"hydra.run.dir={folder}/run")
         *_, (name, network) = results["networks"].items()
-        outcomes = read_outcomes(results.folder / "predictions" / f"{name}.csv")
+        outcomes = read_outcomes(predictions_of(results.folder, name))
     return [(x.label, x.predicted, x.latency_ms) for x in outcomes], network["fit_seconds"]
 
 

@@ -29,6 +29,7 @@ from benchmarks._run import RESULTS
 from benchmarks.accuracy import SPLIT, read_rows, read_signals, read_table
 from tex_lightning.core.console import console
 from tex_lightning.core.files import write_rows, write_text
+from tex_lightning.core.run_folder import predictions_of
 from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.data.folds import is_tested
 from tex_lightning.data.manifest import write_manifest
@@ -195,7 +196,7 @@ def classify(overrides: Sequence[str], home: Path | None, items: Items) -> Node:
         except UserError as error:
             raise UserError(str(error).replace(f"{folder}/", "")) from error
         *_, (network, entry) = results["networks"].items()
-        outcomes = read_outcomes(results.folder / "predictions" / f"{network}.csv")
+        outcomes = read_outcomes(predictions_of(results.folder, network))
     kinds = sorted(outcomes[0].files)
     missing = {x.key: (x.label, "") for x in items if x.part == TEST and [x.modality] == kinds}
     given = {

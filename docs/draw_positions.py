@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 import tex_lightning as tl
+from tex_lightning.core.run_folder import predictions_of
 from tex_lightning.evaluation.outcomes import read_outcomes
 from tex_lightning.report.pictures import input_pixels
 from tex_lightning.report.style import COLOURS, styled
@@ -25,12 +26,12 @@ OTHER = "#bbbbbb"
 
 def two_samples(run: Path) -> list[dict[str, str]]:
     """Return files by modality, and the class, of two samples that fusion knows."""
-    known = [each for each in read_outcomes(run / "predictions" / "fusion.csv")
+    known = [each for each in read_outcomes(predictions_of(run, "fusion"))
              if each.label == each.predicted]  # fmt: skip
     by_file = {
         file: outcome.correct_fragments / outcome.fragments
         for name in ("haptic", "visual")
-        for outcome in read_outcomes(run / "predictions" / f"{name}.csv")
+        for outcome in read_outcomes(predictions_of(run, name))
         for file in outcome.files.values()
     }
     known.sort(key=lambda each: min(by_file[file] for file in each.files.values()))

@@ -7,7 +7,6 @@ imported once the command line is known to be right.
 """
 
 import gc
-import json
 import logging
 import os
 import sys
@@ -51,7 +50,9 @@ from tex_lightning.core.run_folder import (
     holds_work,
     locked_folder,
     note_failure,
+    read_results,
     remove_if_empty,
+    write_results,
 )
 from tex_lightning.errors import UserError
 
@@ -124,9 +125,7 @@ def train(*overrides: str) -> Results:
             from tex_lightning.core.devices import own_defaults
         with own_defaults():
             run_task(composed, job)
-        file = job.directory / "results.json"
-        content = json.loads(file.read_text(encoding="utf-8")) if is_rank_zero() else {}
-        return Results(content, job.directory)
+        return Results(read_results(job.directory) if is_rank_zero() else {}, job.directory)
 
     with TURN:
         try:
@@ -325,7 +324,7 @@ def prepared(config: Config, job: Job) -> Iterator[None]:
 
 
 def _run_in_folder(config: Config, composed: DictConfig, job: Job) -> dict[str, Any]:
-    """Run a task in its locked run folder; return its results, if any."""
+    """Run a task in its locked run folder; write its results, if any, and the report."""
     locked = is_rank_zero() and config.task not in SILENT
     lock = locked_folder(job.directory) if locked else nullcontext()
     again = nullcontext() if config.task in SILENT else requeueing()
@@ -339,6 +338,7 @@ def _run_in_folder(config: Config, composed: DictConfig, job: Job) -> dict[str, 
         if results and locked:
             from tex_lightning.report.page import write_report
 
+            write_results(job.directory, results)
             write_report(job.directory)
         return results
 

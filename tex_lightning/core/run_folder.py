@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-SETTINGS = "settings.json"
+SETTINGS, RESULTS = "settings.json", "results.json"
 SUFFIX = ".ckpt"  # of checkpoints of this package
 FAILURE = "failure.json"  # in the folder of a job of a sweep that failed
 LOCK = ".lock"  # held by the process that runs there; one that is killed lets go of it
 NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
 USUAL = ("outputs", "TASK", "MODEL-DATA", "TIME")  # folders that a run makes if it is given none
-WORK = ("checkpoints", "folds", "systems", "predictions", "results.json")
+WORK = ("checkpoints", "folds", "systems", "predictions", RESULTS)
 
 TRAINS = ("fit", "crossval")  # tasks that take no checkpoint
 LISTED, LONGEST = 3, 60  # systems in the name of a folder, and letters of one
@@ -145,7 +145,7 @@ def system_name(source: str | Path) -> str:
     """Return the model whose checkpoint it is; of a network inside a fusion its own name."""
     try:
         file = find_checkpoint(source)
-        results = read_or_empty(run_of(file) / "results.json")
+        results = read_results(run_of(file))
         whole = file.stem == [*results.get("networks", {"": None})][-1]
         name = str(results["model"]) if whole else file.stem
         return re.sub(r"[^\w.+-]+", "_", name)[:LONGEST] or "checkpoint"
@@ -169,6 +169,23 @@ def note_failure(directory: Path, overrides: Sequence[str], reason: str) -> None
 def checkpoint_of(directory: Path, kind: str) -> Path:
     """Return the checkpoint of a network in a run folder."""
     return directory / "checkpoints" / f"{kind}{SUFFIX}"
+
+
+def predictions_of(directory: Path, kind: str) -> Path:
+    """Return the table of the test samples of a network in a run folder."""
+    return directory / "predictions" / f"{kind}.csv"
+
+
+def read_results(directory: Path) -> dict[str, Any]:
+    """Return the results of a run or a fold; empty of one that did not finish."""
+    return read_or_empty(directory / RESULTS)
+
+
+def write_results(directory: Path, results: dict[str, Any]) -> None:
+    """Write the results of a run or a fold, complete or not at all; equal ones keep their date."""
+    target, text = directory / RESULTS, json.dumps(results, indent=2) + "\n"
+    if not (target.is_file() and target.read_bytes() == text.encode()):
+        write_text(target, text)
 
 
 def find_checkpoint(source: str | Path) -> Path:

@@ -7,6 +7,7 @@ from typing import Any
 
 from tex_lightning.classifier.card import novelty_threshold
 from tex_lightning.classifier.classifier import Decider
+from tex_lightning.core.run_folder import predictions_of
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store
 from tex_lightning.evaluation.calibration import auroc, confidences
@@ -33,7 +34,7 @@ def report_unknown(
     card = classifier.card
     unknown = run_test(classifier, samples, store, fold) if samples else []
     if unknown:
-        write_outcomes(unknown, _file(directory, card.kind))
+        write_outcomes(unknown, predictions_of(directory, f"{card.kind}_unknown"))
     return unknown_entry([(known, unknown, card.unknown_above)], card.unknown)
 
 
@@ -49,10 +50,10 @@ def pool_unknown(
     A fold whose network has no threshold, for want of a validation fold, gets that of the known
     samples of the other folds, each by its own network (cross-conformal prediction).
     """
-    files = [_file(fold, name) for fold in folds]
+    files = [predictions_of(fold, f"{name}_unknown") for fold in folds]
     unknown = [read_outcomes(file) if file.is_file() else [] for file in files]
     if pooled := [outcome for part in unknown for outcome in part]:
-        write_outcomes(pooled, _file(directory, name))
+        write_outcomes(pooled, predictions_of(directory, f"{name}_unknown"))
     limits = [entry.get("unknown", {}).get("threshold") for entry in folds.values()]
     for place, limit in enumerate(limits if rate else ()):
         others = [x.novelty for part in (*known[:place], *known[place + 1 :]) for x in part]
@@ -104,7 +105,3 @@ def _rejection(tested: Sequence[Tested]) -> dict[str, Any]:
 
 def _share(count: int, of: int) -> dict[str, Any] | None:
     return {"count": count, "of": of, "share": count / of} if of else None
-
-
-def _file(directory: Path, name: str) -> Path:
-    return directory / "predictions" / f"{name}_unknown.csv"

@@ -19,10 +19,11 @@ import torch
 from tex_lightning import __version__
 from tex_lightning.classifier.classifier import Decider
 from tex_lightning.classifier.vote import Vote
-from tex_lightning.config import TrainerConfig
-from tex_lightning.core.devices import synchronise
-from tex_lightning.core.files import read_rows, write_rows, write_text
+from tex_lightning.config import Config, TrainerConfig
+from tex_lightning.core.devices import computing_device, synchronise
+from tex_lightning.core.files import read_rows, write_rows
 from tex_lightning.core.progress import track
+from tex_lightning.core.run_folder import predictions_of
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store, load_sample
 from tex_lightning.errors import UserError
@@ -147,13 +148,26 @@ def read_outcomes(path: Path) -> list[Outcome]:
 
 def read_networks(directory: Path, networks: Iterable[str]) -> dict[str, list[Outcome]]:
     """Return the outcomes of those networks of a run folder that it has tested."""
-    files = {name: directory / "predictions" / f"{name}.csv" for name in networks}
+    files = {name: predictions_of(directory, name) for name in networks}
     return {name: read_outcomes(file) for name, file in files.items() if file.is_file()}
 
 
-def write_results(path: Path, results: dict[str, Any]) -> None:
-    """Write ``results.json`` complete or not at all."""
-    write_text(path, json.dumps(results, indent=2) + "\n")
+def run_facts(config: Config, seconds: float, baselines: Iterable[bool]) -> dict[str, Any]:
+    """Return what ``results.json`` says of a run beside its results.
+
+    Args:
+        config: The configuration.
+        seconds: Time that the run took.
+        baselines: Of each classifier of the run, whether it is a baseline.
+    """
+    device = computing_device(config.trainer.accelerator, baselines)
+    return {
+        "task": config.task,
+        "data": config.data.name,
+        "seed": config.seed,
+        "wall_seconds": seconds,
+        "environment": environment(device, config.trainer),
+    }
 
 
 def environment(device: torch.device, trainer: TrainerConfig | None = None) -> dict[str, Any]:

@@ -10,8 +10,7 @@ from tex_lightning import __version__
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config.instantiation import PACKAGE, named_classes
-from tex_lightning.core.files import read_or_empty
-from tex_lightning.core.run_folder import run_of
+from tex_lightning.core.run_folder import read_results, run_of
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.errors import listed
 from tex_lightning.senses.base import Sense
@@ -22,7 +21,6 @@ from tex_lightning_runtime.quality import limits
 from tex_lightning_runtime.runtime import FORMAT
 from tex_lightning_runtime.samples import MAX_AXES
 
-RESULTS = "results.json"
 TEMPLATE = Path(__file__).with_name("model_card.md.jinja")
 METADATA_KEY = "tex_lightning"  # of the metadata
 FRAMES: dict[str, Any] = {"hop_seconds": None, "window_seconds": None, "frequencies": None}
@@ -129,5 +127,5 @@ def model_card(classifier: SurfaceClassifier, checkpoint: Path) -> str:
 def _results(checkpoint: Path) -> dict[str, Any]:
     """Read ``results.json`` of the run, or of all folds for the checkpoint of one."""
     file = checkpoint.resolve()
-    found = (read_or_empty(folder / RESULTS) for folder in (run_of(file), file.parent.parent))
+    found = (read_results(folder) for folder in (run_of(file), file.parent.parent))
     return next(filter(None, found), {})

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from tex_lightning.core.files import read_or_empty, write_bytes, write_text
+from tex_lightning.core.run_folder import read_results
 from tex_lightning.data.folds import Sample
 from tex_lightning.evaluation.confusion import own_pairs
 from tex_lightning.evaluation.outcomes import Outcome, read_networks
@@ -110,8 +111,7 @@ def error_cards(directory: Path) -> dict[str, Any]:
 
 def _outcomes(directory: Path) -> dict[str, list[Outcome]]:
     """Return the outcomes of each network of a run, in the order of ``results.json``."""
-    results = read_or_empty(directory / "results.json")
-    return read_networks(directory, results.get("networks", {}))
+    return read_networks(directory, read_results(directory).get("networks", {}))
 
 
 def _right(

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.config.overrides import given_overrides
-from tex_lightning.core.files import read_or_empty, read_rows, write_text
+from tex_lightning.core.files import read_rows, write_text
+from tex_lightning.core.run_folder import RESULTS, read_results
 from tex_lightning.report.data_page import FOLDER, data_tables
 from tex_lightning.report.misclassified import class_tables, embedded, error_cards
 from tex_lightning.report.systems import NOTES, comparison_tables, read_systems
@@ -41,7 +42,7 @@ def write_report(
     markup. The ``runs`` are those of a sweep, None for a single one; the ``first`` tables stand
     before all others.
     """
-    results = read_or_empty(directory / "results.json")
+    results = read_results(directory)
     draw_learning(directory)
     folders = [directory] if runs is None else runs
     compares = runs is not None or results.get("task") == "crossval"
@@ -52,7 +53,6 @@ def write_report(
     if runs is not None:
         typed = ["-m", *given_overrides(directory / "0")]  # as of any of its jobs
     script = (TEMPLATES / "page.js").read_text(encoding="utf-8")
-    systems_by_name = {key: str(entry["name"]) for key, entry in results.get("systems", {}).items()}
     context = {
         "title": " · ".join(names) or directory.name,
         "tiny": TINY if tiny else "",
@@ -66,11 +66,7 @@ def write_report(
         "is_broad": is_broad,
         "directory": directory,
         "networks": facts(results),
-        "files": [
-            _file_table(directory / name, systems_by_name)
-            for name in FILES
-            if (directory / name).is_file()
-        ],
+        "files": _file_tables(directory, results.get("systems", {})),
         "classes": class_tables(directory),
         "errors": error_cards(directory),
         "date": _date(directory),
@@ -87,7 +83,7 @@ def write_report(
 
 def draw_learning(directory: Path) -> None:
     """Save the learning curves of the networks of a run, if any took several epochs."""
-    networks = read_or_empty(directory / "results.json").get("networks", {})
+    networks = read_results(directory).get("networks", {})
     curves = {}
     for name in networks:
         rows: dict[float, dict[str, float]] = {}
@@ -122,7 +118,7 @@ def _figures(directory: Path, networks: Iterable[str]) -> list[Path]:
 
 def _date(directory: Path) -> str:
     """Return when a run has ended, by its results."""
-    file = directory / "results.json"
+    file = directory / RESULTS
     if not file.is_file():
         return ""
     return f"{datetime.fromtimestamp(file.stat().st_mtime).astimezone():%Y-%m-%d %H:%M %Z}"
@@ -146,14 +142,18 @@ def is_broad(path: Path) -> bool:
     return bool(width > BROAD)
 
 
-def _file_table(path: Path, names: Mapping[str, str]) -> Table:
-    """Return the table of a CSV, figures with four digits and systems by their names first."""
-    rows = [
-        {"name": names.get(line.get("system", ""), "")}
-        | {name.replace("_", " "): _short(cell) for name, cell in line.items()}
-        for line in read_rows(path)
-    ]
-    return Table(path.name, rows)
+def _file_tables(directory: Path, systems: Mapping[str, Mapping[str, Any]]) -> list[Table]:
+    """Return the tables of CSVs, figures with four digits and names of systems first."""
+    names = {key: str(entry["name"]) for key, entry in systems.items()}
+    tables = []
+    for path in (directory / name for name in FILES if (directory / name).is_file()):
+        rows = [
+            {"name": names.get(line.get("system", ""), "")}
+            | {name.replace("_", " "): _short(cell) for name, cell in line.items()}
+            for line in read_rows(path)
+        ]
+        tables.append(Table(path.name, rows))
+    return tables
 
 
 def _short(cell: str) -> str:

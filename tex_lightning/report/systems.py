@@ -6,7 +6,7 @@ from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any
 
-from tex_lightning.core.files import read_or_empty
+from tex_lightning.core.run_folder import predictions_of, read_results
 from tex_lightning.evaluation.comparison import mcnemar, pair
 from tex_lightning.evaluation.conditions import pool_conditions
 from tex_lightning.evaluation.metrics import METRICS, metrics_in, pooled_metrics, told
@@ -89,7 +89,7 @@ def read_systems(runs: Iterable[Path]) -> list[ReportedSystem]:
     """
     models: dict[tuple[str, ...], list[tuple[Path, dict[str, Any]]]] = {}
     for run in runs:
-        results = read_or_empty(run / "results.json")
+        results = read_results(run)
         names = list(results.get("networks", {}))
         for kind in names:
             if "vote_accuracy" in results["networks"][kind]:
@@ -132,7 +132,7 @@ def _pool(
     for run, results in members:
         seed = run_settings(run).get("seed")
         tested = by_seed.setdefault(seed, {})
-        found = read_outcomes(run / "predictions" / f"{kind}.csv")
+        found = read_outcomes(predictions_of(run, kind))
         if tested.keys().isdisjoint(outcome.sample for outcome in found):  # else they count twice
             tested |= {outcome.sample: outcome for outcome in found}
             entries.setdefault(seed, []).append(results["networks"][kind])

@@ -12,7 +12,7 @@ from typing import Any
 
 from tex_lightning.config import SILENT
 from tex_lightning.core.files import read_record
-from tex_lightning.core.run_folder import FAILURE
+from tex_lightning.core.run_folder import FAILURE, read_results
 from tex_lightning.evaluation.metrics import METRICS, figures, metrics_in
 from tex_lightning.evaluation.outcomes import COUNTS
 from tex_lightning.evaluation.outcomes import counted as counted_votes
@@ -65,13 +65,13 @@ def _of_job(job: Path) -> list[TrialRow]:
     if (job / FAILURE).is_file():
         failure = read_record(job / FAILURE)
         failed = [{**start, "overrides": failure["overrides"], "status": failure["error"]}]
-    results = job / "results.json"
-    if not results.is_file():
+    results = read_results(job)
+    if not results:
         silent = {f"task={task}" for task in SILENT} & {*start["overrides"]}
         return failed or [{**start, "status": "done" if silent else "not finished"}]
     start["status"] = "done"
     # a frontier, a profile and a test of stability have tables of their own
-    networks = read_record(results).get("networks", {})
+    networks = results.get("networks", {})
     tested = [
         {**start, "network": name, **figures(network, metrics_in("sweep"))}
         for name, network in networks.items()

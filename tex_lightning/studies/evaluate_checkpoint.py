@@ -10,7 +10,7 @@ from lightning.pytorch.loggers import Logger
 from tex_lightning.classifier.card import CROSSVAL
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, plain_values
-from tex_lightning.core.devices import computing_device
+from tex_lightning.core.run_folder import predictions_of
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store, Unusable, load_sample, skipped_entry
 from tex_lightning.evaluation.conditions import by_condition
@@ -19,7 +19,7 @@ from tex_lightning.evaluation.metrics import pooled_metrics
 from tex_lightning.evaluation.novelty import report_unknown
 from tex_lightning.evaluation.outcomes import (
     Outcome,
-    environment,
+    run_facts,
     run_test,
     write_outcomes,
 )
@@ -64,12 +64,8 @@ def results_frame(
         "model": model,
         "data": config.data.name,
         "classes": classes,
-        "seed": config.seed,
-        "wall_seconds": seconds,
+        **run_facts(config, seconds, [baseline]),
         "skipped": skipped_entry(skipped),
-        "environment": environment(
-            computing_device(config.trainer.accelerator, [baseline]), config.trainer
-        ),
         "networks": networks,
     }
 
@@ -108,7 +104,7 @@ def report_network(
     decider = make_inference_model(classifier, config.engine, config.decision)
     fold = None if config.data.test_where else config.data.test_fold
     outcomes = run_test(decider, samples, store, fold)
-    write_outcomes(outcomes, directory / "predictions" / f"{kind}.csv")
+    write_outcomes(outcomes, predictions_of(directory, kind))
     entry = {
         **pooled_metrics(outcomes),
         **by_condition(samples, outcomes, dataset.condition_bins),

@@ -14,6 +14,7 @@ from tex_lightning.config.check import check_config, read_config
 from tex_lightning.config.composition import Job
 from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.core.progress import Stage
+from tex_lightning.core.run_folder import RESULTS, predictions_of
 from tex_lightning.errors import UserError, shorten
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
 from tex_lightning.inference.early_stopping import SEQUENTIAL
@@ -189,8 +190,7 @@ def measure_family(systems: Sequence[System], folds: Sequence[int], directory: P
             seconds = [sum(part["fit_seconds"] for part in entry.values()) for entry in entries]
             system.entry, system.fit_seconds = entries[0][kind], fmean(seconds)
             system.tests = {
-                fold: read_outcomes(home / "predictions" / f"{kind}.csv")
-                for fold, home in homes.items()
+                fold: read_outcomes(predictions_of(home, kind)) for fold, home in homes.items()
             }
             right = sum(outcome.correct for outcome in system.outcomes)
             log.info(
@@ -201,7 +201,7 @@ def measure_family(systems: Sequence[System], folds: Sequence[int], directory: P
 
 def _announced(homes: Mapping[int, Path]) -> str:
     """Return what is to be done: the folds that no earlier run has finished."""
-    left = [fold for fold, home in homes.items() if not (home / "results.json").is_file()]
+    left = [fold for fold, home in homes.items() if not (home / RESULTS).is_file()]
     if not left:
         return "trained already"
     return f"training without fold{'s' * (len(left) > 1)} {', '.join(map(str, left))}"
@@ -217,7 +217,7 @@ def _run_folds(
     dataset, entries = None, []
     for fold, home in homes.items():
         results = finished_results(home, f"Fold {fold}")
-        if results is None:
+        if not results:
             if dataset is None:
                 dataset = open_training(config, home)
                 note_recordings([*dataset.recordings, *dataset.unknown], home.parents[1])

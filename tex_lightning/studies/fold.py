@@ -17,12 +17,12 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, Folding, ModelConfig, plain_values, trunk_name
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.devices import pick_device
-from tex_lightning.core.files import read_record
 from tex_lightning.core.ranks import is_rank_zero
+from tex_lightning.core.run_folder import read_results, write_results
 from tex_lightning.data.folds import make_samples, split, tested_part
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.outcomes import NO_WEIGHTS, RANDOM, write_results
+from tex_lightning.evaluation.outcomes import NO_WEIGHTS, RANDOM
 from tex_lightning.inference.prediction import name_conflict
 from tex_lightning.learning.loggers import log_test
 from tex_lightning.learning.provenance import note_recordings
@@ -98,34 +98,27 @@ def _first_weights(model: ModelConfig, sense: str) -> str:
     return NO_WEIGHTS if fits and trunk_name(model, sense) in (sense, "None") else RANDOM
 
 
-def finished_results(home: Path, what: str) -> dict[str, Any] | None:
+def finished_results(home: Path, what: str) -> dict[str, Any]:
     """Return the results of a run or a fold, called ``what``, if it was finished earlier."""
-    if not (home / "results.json").is_file():
-        return None
-    log.info("%s is finished already.", what)
-    return read_record(home / "results.json")
+    results = read_results(home)
+    if results:
+        log.info("%s is finished already.", what)
+    return results
 
 
 def run_fold(
-    config: Config,
-    dataset: Dataset,
-    home: Path,
-    *,
-    begin: float | None = None,
-    draw: bool = False,
-    networks_in: Path | None = None,
+    config: Config, dataset: Dataset, home: Path, *, networks_in: Path | None = None
 ) -> dict[str, Any]:
-    """Train and test on one fold; write its ``results.json`` and return it.
+    """Train and test on one fold of several; write its ``results.json`` and return it.
 
-    ``wall_seconds`` count from ``begin``, by default now. The other arguments are those of
-    :func:`fit_fold`. A process that is not rank zero has no results.
+    The arguments are those of :func:`fit_fold`. A process that is not rank zero has no results.
     """
-    begin = time.perf_counter() if begin is None else begin
-    networks = fit_fold(config, dataset, home, draw=draw, networks_in=networks_in)
+    begin = time.perf_counter()
+    networks = fit_fold(config, dataset, home, networks_in=networks_in)
     if not is_rank_zero():
         return {}
     results = training_results(config, dataset, networks, time.perf_counter() - begin)
-    write_results(home / "results.json", results)
+    write_results(home, results)
     return results
 
 

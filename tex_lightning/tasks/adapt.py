@@ -12,7 +12,6 @@ from tex_lightning.data.folds import split, tested_part
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.inference.predictor import Predictor
 from tex_lightning.learning.adaptation import adapt, check_adaptable
 from tex_lightning.learning.finish import position_features
@@ -24,7 +23,7 @@ from tex_lightning.tasks.predict import find_files
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
-    """Fit ``checkpoint`` again with unlabelled recordings; write it and ``results.json``.
+    """Fit ``checkpoint`` again with unlabelled recordings; write the new one.
 
     Where that does not seem safe the checkpoint is written as it is, and the reason is said.
     """
@@ -55,7 +54,6 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     model = system_name(source)
     results = results_frame(config, model, card.classes, dataset.skipped, networks, seconds)
     results["data"] = None if config.files else results["data"]
-    write_results(job.directory / "results.json", results)
     say(f"{adaptation} The checkpoint is {target}.")
     return results
 

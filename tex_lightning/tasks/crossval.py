@@ -19,11 +19,11 @@ from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.progress import track
 from tex_lightning.core.ranks import is_rank_zero
-from tex_lightning.core.run_folder import checkpoint_of
+from tex_lightning.core.run_folder import checkpoint_of, predictions_of
 from tex_lightning.evaluation.conditions import pool_conditions
 from tex_lightning.evaluation.metrics import figures, metrics_in, pooled_metrics
 from tex_lightning.evaluation.novelty import pool_unknown
-from tex_lightning.evaluation.outcomes import COUNTS, read_outcomes, write_outcomes, write_results
+from tex_lightning.evaluation.outcomes import COUNTS, read_outcomes, write_outcomes
 from tex_lightning.learning.loggers import open_loggers
 from tex_lightning.report.gallery import sample_artifacts
 from tex_lightning.report.misclassified import keep_samples
@@ -46,7 +46,7 @@ from tex_lightning.studies.fold import (
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
-    """Run all folds, or those in ``crossval.only``; write ``results.json`` and return it."""
+    """Run all folds, or those in ``crossval.only``, and return the pooled results."""
     refits = config.crossval.refit
     chosen = chosen_folds(config.data.folds, config.crossval.only)
     whole = replace(config, data=replace(config.data, test_fold=None))
@@ -74,7 +74,6 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         _draw_and_log(config, dataset, job.directory, networks, folds)
     seconds = spent + sum(results["wall_seconds"] for results in folds.values())
     results = training_results(config, dataset, networks, seconds)
-    write_results(job.directory / "results.json", results)
     print_results(results, job.directory)
     return results
 
@@ -91,7 +90,7 @@ def _draw_and_log(
     loggers = open_loggers(config.logger, directory, name)
     files = {home.name: checkpoint_of(home, name) for home in homes}
     load = lru_cache(maxsize=2)(load_classifier)
-    outcomes = read_outcomes(directory / "predictions" / f"{name}.csv")
+    outcomes = read_outcomes(predictions_of(directory, name))
     samples = fold_samples(dataset, outcomes)
     view = SampleView(
         lambda outcome: load(files[outcome.fold]), dataset.classes, samples, outcomes, dataset.store
@@ -132,9 +131,9 @@ def _pool(
     """Pool one network over all folds: counts of all, sizes and checkpoint of the first."""
     entries = {home: results["networks"][name] for home, results in folds.items()}
     first = next(iter(entries.values()))
-    by_fold = [read_outcomes(home / "predictions" / f"{name}.csv") for home in folds]
+    by_fold = [read_outcomes(predictions_of(home, name)) for home in folds]
     outcomes = [outcome for fold in by_fold for outcome in fold]
-    write_outcomes(outcomes, directory / "predictions" / f"{name}.csv")
+    write_outcomes(outcomes, predictions_of(directory, name))
     draw_figures(outcomes, dataset.classes, name, directory)
     return {
         **pooled_metrics(outcomes),

@@ -18,7 +18,6 @@ from tex_lightning.data.inspection import training_ranges
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import plural
 from tex_lightning.errors import UserError, listed
-from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.learning.enrolment import add_classes
 from tex_lightning.learning.finish import position_features
 from tex_lightning.learning.provenance import digests
@@ -28,7 +27,7 @@ from tex_lightning.studies.evaluate_checkpoint import results_frame
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
-    """Add the classes of the data to ``checkpoint``; write the new one and ``results.json``.
+    """Add the classes of the data to ``checkpoint``; write the new one.
 
     Files are decoded as the checkpoint says. ``data.test_fold`` is left out, to be tested on.
     """
@@ -59,7 +58,6 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     seconds, networks = time.perf_counter() - begin, {card.kind: entry}
     model = system_name(source)
     results = results_frame(config, model, card.classes, dataset.skipped, networks, seconds)
-    write_results(job.directory / "results.json", results)
     say(f"{target} knows {len(card.classes)} classes. Added: {listed(dataset.classes)}.")
     return results
 

@@ -10,7 +10,6 @@ from tex_lightning.config.composition import Job
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.run_folder import system_name
 from tex_lightning.data.folds import make_samples, tested_part
-from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.inference.prediction import check_unknown
 from tex_lightning.learning.loggers import open_loggers
 from tex_lightning.report.table import print_results
@@ -26,7 +25,7 @@ from tex_lightning_runtime.files import expanded
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
-    """Classify the test samples with ``checkpoint``; write ``results.json`` and return it.
+    """Classify the test samples with ``checkpoint``.
 
     Files are decoded as the checkpoint says, whatever the configuration has; only
     ``data.file_rate`` belongs to the files themselves and is taken from it if it is given.
@@ -57,6 +56,5 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         config, model, card.classes, dataset.skipped, networks, seconds,
         baseline=bool(card.baseline),
     )  # fmt: skip
-    write_results(directory / "results.json", results)
     print_results(results, directory)
     return results

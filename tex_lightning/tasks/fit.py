@@ -5,17 +5,20 @@ from typing import Any
 
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
+from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.report.table import print_results
-from tex_lightning.studies.fold import finished_results, open_and_show, run_fold
+from tex_lightning.studies.fold import finished_results, fit_fold, open_and_show, training_results
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
-    """Train and test on ``data.test_fold``; write ``results.json`` and return its content."""
+    """Train and test on ``data.test_fold``, unless that is done already."""
     begin, directory = time.perf_counter(), job.directory
     results = finished_results(directory, "This run")
-    if results is None:
+    if not results:
         dataset = open_and_show(config, directory, [config.data])
-        results = run_fold(config, dataset, directory, begin=begin, draw=True)
-    if results:
-        print_results(results, directory)
+        networks = fit_fold(config, dataset, directory, draw=True)
+        if not is_rank_zero():
+            return {}
+        results = training_results(config, dataset, networks, time.perf_counter() - begin)
+    print_results(results, directory)
     return results

@@ -12,11 +12,10 @@ from omegaconf import OmegaConf
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import console, say
-from tex_lightning.core.devices import computing_device
 from tex_lightning.core.files import write_rows
 from tex_lightning.evaluation.comparison import correct_shares, one_standard_error, pareto
 from tex_lightning.evaluation.metrics import METRICS, metrics_in, pooled_metrics
-from tex_lightning.evaluation.outcomes import environment, write_results
+from tex_lightning.evaluation.outcomes import run_facts
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.frontier_chart import FrontierRow, frontier_figure
 from tex_lightning.report.table import make_table, print_tables
@@ -36,7 +35,7 @@ COLUMNS = {  # of ``frontier.csv``, with the metric that each has; further metri
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
-    """Measure the family; write table, chart and ``results.json``, and return the latter.
+    """Measure the family; write table and chart.
 
     What an earlier run in the same folder has trained is not trained again.
 
@@ -56,20 +55,13 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     tested = f"{samples} of {config.data.name}, {part}"
     save_figure(frontier_figure(rows, tested, chance), directory / "frontier")
     results = {
-        "task": config.task,
-        "data": config.data.name,
-        "seed": config.seed,
+        **run_facts(config, time.perf_counter() - begin, baselines),
         "folds": folds,
-        "wall_seconds": time.perf_counter() - begin,
-        "environment": environment(
-            computing_device(config.trainer.accelerator, baselines), config.trainer
-        ),
         "chosen": chosen.name,
         "command": _command(job, chosen.overrides),
         "overrides": chosen.overrides,
         "systems": {row["system"]: row for row in rows},
     }
-    write_results(directory / "results.json", results)
     print_frontier(rows, directory, str(results["command"]))
     return results
 

@@ -14,7 +14,6 @@ from tex_lightning.data.readers.layout import hint, rename
 from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.store import Store, cache_root
 from tex_lightning.errors import UserError, listed
-from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.report.data_page import print_findings
 from tex_lightning.senses.base import Sense
 from tex_lightning.senses.making import make_sense
@@ -24,7 +23,7 @@ from tex_lightning.studies.evaluate_checkpoint import results_frame
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
-    """Describe the data and what is suspected of them; write ``results.json`` and return it."""
+    """Describe the data and what is suspected of them."""
     begin, data = time.perf_counter(), config.data
     dataset, senses = _open(config)
     divisions = [config.on_fold(fold).data for fold in range(data.folds)]
@@ -37,7 +36,6 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         config, "", dataset.classes, dataset.skipped, {}, time.perf_counter() - begin
     )
     results = {**frame, **told, "data": data.name}
-    write_results(job.directory / "results.json", results)
     say(f"The report is {job.directory / 'report.html'}")
     return results
 

@@ -16,7 +16,7 @@ from tex_lightning.core.devices import pick_device
 from tex_lightning.core.progress import track
 from tex_lightning.core.run_folder import system_name
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.outcomes import RANDOM, environment, write_results
+from tex_lightning.evaluation.outcomes import RANDOM, environment
 from tex_lightning.report.table import make_table, print_tables, profile_table
 from tex_lightning.studies.profile import only_sense, profile_network, render_recording
 
@@ -26,7 +26,7 @@ log = logging.getLogger(__name__)
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
-    """Measure ``model`` or ``checkpoint``; write ``results.json`` and return it.
+    """Measure ``model`` or ``checkpoint``.
 
     A fusion is measured as the networks that it consists of.
     """
@@ -49,7 +49,6 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "engine": asdict(config.engine),
         "networks": networks,
     }
-    write_results(job.directory / "results.json", results)
     table = make_table(f"profile · {results['model']} · {results['weights']}", [""], [*networks])
     profile = profile_table(networks)
     table.caption = f"threads: {results['environment']['threads']} {profile.text}".strip()

@@ -8,10 +8,9 @@ from typing import Any
 
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
-from tex_lightning.core.devices import computing_device
 from tex_lightning.core.files import write_rows
 from tex_lightning.core.progress import Stage
-from tex_lightning.evaluation.outcomes import counted, environment, write_results
+from tex_lightning.evaluation.outcomes import counted, run_facts
 from tex_lightning.evaluation.robustness import StabilityRow, failure_entry, find_failures
 from tex_lightning.perturbations.table import SEVERITIES, Perturbation
 from tex_lightning.report.figures import save_figure
@@ -40,19 +39,12 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     save_figure(figure, directory / "figures" / "stability")
     baselines = [bool(fold.classifier.card.baseline) for it in systems for fold in it.folds]
     results = {
-        "task": config.task,
-        "data": config.data.name,
-        "seed": config.seed,
-        "wall_seconds": time.perf_counter() - begin,
-        "environment": environment(
-            computing_device(config.trainer.accelerator, baselines), config.trainer
-        ),
+        **run_facts(config, time.perf_counter() - begin, baselines),
         "engine": asdict(config.engine),
         "perturbations": {perturbation.name: asdict(perturbation) for perturbation in chosen},
         "systems": {system.name: _entry(system, trials) for system in systems},
         "failures": [failure_entry(failure, table) for failure in find_failures(trials)],
     }
-    write_results(directory / "results.json", results)
     print_stability(results, directory)
     return results
 
