@@ -99,6 +99,13 @@ class Column:
         self.words = split_words(re.split(r"[(\[]|(?:^|\s)in\s", self.name)[0])
 
     @property
+    def title(self) -> str:
+        """Its name and unit in messages, or its number."""
+        if not self.named:
+            return f"column {self.name}"
+        return f"{self.name!r} in {self.unit}" if self.unit else repr(self.name)
+
+    @property
     def is_text(self) -> bool:
         """Whether its cells are text."""
         return self.values.dtype.kind not in "iuf"
