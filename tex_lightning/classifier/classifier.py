@@ -282,7 +282,8 @@ class SurfaceClassifier(nn.Module):
         """Compute scores and novelty from features (D, positions), see :meth:`embedding`."""
         statistics = self.statistics_of(name)
         novelty = None if statistics is None else statistics.novelty(features.mean(dim=1))
-        return SenseOutput(self._partial_logits(name, features), novelty)
+        weighted = self.is_weighted(name)
+        return SenseOutput(self.partial_logits_of(name, features, weighted=weighted), novelty)
 
     def statistics_of(self, name: str) -> FeatureStatistics | None:
         """Return the class statistics of one sense; None of a checkpoint without them."""
@@ -303,13 +304,19 @@ class SurfaceClassifier(nn.Module):
 
     def partial_logits(self, name: str, recording: Tensor) -> Tensor:
         """Return what a sense adds to the class scores of a recording: (classes, positions)."""
-        return self._partial_logits(name, self.embedding(name, recording))
+        embedding = self.embedding(name, recording)
+        return self.partial_logits_of(name, embedding, weighted=self.is_weighted(name))
 
-    def _partial_logits(self, name: str, embedding: Tensor) -> Tensor:
+    def partial_logits_of(self, name: str, embedding: Tensor, *, weighted: bool) -> Tensor:
+        """Return the partial logits (classes, positions) of an embedding (D, positions).
+
+        :meth:`is_weighted`, which depends on values of the statistics, says whether they are
+        ``weighted``; a graph that is traced has to know it before.
+        """
         scored = self.embedding_layer(name) != self.fused_layer(name)
         features = class_scores(self.senses[name].network, embedding) if scored else embedding
         partial_logits = self.project(name, features)
-        if not self.is_weighted(name):
+        if not weighted:
             return partial_logits
         statistics = cast(FeatureStatistics, self.statistics_of(name))
         share = statistics.reliability(embedding.mean(dim=1))

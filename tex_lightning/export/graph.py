@@ -15,14 +15,13 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d, conv1d, conv2d, max_pool2d, pad
 
-from tex_lightning.classifier.classifier import SurfaceClassifier, class_scores
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.errors import UserError
 from tex_lightning.export.signals import SpectrogramGraph, promise, signal_graph
 from tex_lightning.inference.engine import rewritten
-from tex_lightning.networks.blocks import Level, ResponseNorm, independent_copy
+from tex_lightning.networks.blocks import Level, ResponseNorm, independent_copy, shared_copy
 from tex_lightning.networks.folding import fold_batch_norm
-from tex_lightning.networks.fusionnet import bounded
 from tex_lightning.senses.base import Sense
 
 LOWEST = torch.finfo(torch.float32).min
@@ -214,30 +213,36 @@ class ClassifierGraph(nn.Module):
         self.modalities = {name: sense.modality for name, sense in senses.items()}
         self.fronts = nn.ModuleDict({name: _front(sense) for name, sense in senses.items()})
         self.levels = {name: classifier.embedding_layer(name) for name in senses}
-        networks = {name: exportable(senses[name], [level]) for name, level in self.levels.items()}
-        self.networks = nn.ModuleDict(networks)
-        self.fused = classifier.fusion is not None
-        self.fusion: Any = deepcopy(classifier.fusion)
-        self.scored = {name: classifier.fused_layer(name) != self.levels[name] for name in senses}
+        copied = {
+            name: shared_copy(sense, network=exportable(sense, [self.levels[name]]))
+            for name, sense in senses.items()
+        }
+        self.classifier = SurfaceClassifier(self.card, copied, deepcopy(classifier.fusion))
         known = {name: classifier.statistics_of(name) for name in senses}
-        self.told = bool(classifier.card.novelties) and None not in known.values()
+        self.told = bool(self.card.novelties) and None not in known.values()
         self.weighted = {name: classifier.is_weighted(name) for name in senses}
         kept = {name: x for name, x in known.items() if self.told or self.weighted[name]}
-        self.statistics = nn.ModuleDict(deepcopy(kept))  # type: ignore[arg-type]
+        self.classifier.statistics = nn.ModuleDict(deepcopy(kept))  # type: ignore[arg-type]
+
+    @property
+    def fused(self) -> bool:
+        """Whether several senses are added up, at positions that ``draws`` chooses."""
+        return self.classifier.fusion is not None
 
     def forward(self, **recordings: Tensor) -> dict[str, Tensor]:
         """Classify one sample."""
         outputs: dict[str, Tensor] = {}
         partials, novelties = [], []
-        for place, (name, modality) in enumerate(self.modalities.items()):
+        for name, modality in self.modalities.items():
             embedding = self._embedding(name, recordings[modality], outputs)
             positions = embedding[0].flatten(1)
-            partials.append(self._partial_logits(name, place, positions))
+            weighted = self.weighted[name]
+            partials.append(self.classifier.partial_logits_of(name, positions, weighted=weighted))
             rows = embedding.shape[2:-1] or (1,)
             grid = partials[-1].reshape(-1, *rows, embedding.shape[-1])
             outputs[f"{name}_scores"] = grid
             if self.told:
-                statistics: Any = self.statistics[name]
+                statistics: Any = self.classifier.statistics[name]
                 novelties.append(statistics.novelty(positions.mean(dim=1)))
         scores = fused_scores(partials, recordings[DRAWS]) if self.fused else partials[0]
         vote = traced_vote(scores, self.card.rule, self.card.temperature)
@@ -254,22 +259,9 @@ class ClassifierGraph(nn.Module):
         if isinstance(front, SpectrogramGraph):
             x, start = x
             outputs |= {f"{name}_input": x[0, 0], f"{name}_start": start}
-        network: Any = self.networks[name]
+        network: Any = self.classifier.senses[name].network
         embedding: Tensor = network.features(x, self.levels[name])
         return embedding
-
-    def _partial_logits(self, name: str, place: int, positions: Tensor) -> Tensor:
-        """Return the partial logits (classes, positions) of a sense."""
-        scored = self.scored[name]
-        features = class_scores(self.networks[name], positions) if scored else positions
-        if not self.fused:
-            return features
-        partial_logits: Tensor = self.fusion.project(place, features[None])[0]
-        if self.weighted[name]:
-            statistics: Any = self.statistics[name]
-            share = statistics.reliability(positions.mean(dim=1))
-            partial_logits = share * bounded(partial_logits, statistics.error)
-        return partial_logits
 
     def name_inputs(self, names: Sequence[str]) -> None:
         """Set the parameter names of :meth:`forward`, which torch.export requires."""
