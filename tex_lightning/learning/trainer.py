@@ -189,30 +189,10 @@ def make_trainer(
     # epoch comes first, since the last checkpoint contains its state
     best = [Keeper(working, BEST, "val/loss")] if validated else []
     keepers = [*best, Keeper(working, LAST, None)]
-    flags = {
-        "log_every_n_steps": min(10, fit["steps_per_epoch"]),
-        "limit_val_batches": 1.0 if validated else 0,
-        "num_sanity_val_steps": 0,
-        "enable_model_summary": False,
-        "sync_batchnorm": settings.accelerator != "cpu" and torch.cuda.is_available(),
-        "max_epochs": fit["epochs"],
-        **settings.flags,
-    }
-    epochs = f"model.{working.name}.fit.epochs"
-    if "max_epochs" in settings.flags and fit["epochs"]:
-        log_once(log, f"trainer.max_epochs is of every network of this run, {epochs} of one.")
-    if not fit["epochs"]:  # what is fitted in closed form takes no step
-        flags["max_epochs"] = 0
-    if type(flags["max_epochs"]) is not int:  # which Lightning would find in the midst of work
-        raise UserError(
-            f"trainer.max_epochs={flags['max_epochs']} is no number; correct it, or give {epochs}."
-        )
-    if taken := next((name for name in INSTEAD if name in flags), None):
-        raise UserError(f"trainer.{taken} is set by this package; {INSTEAD[taken]}.")
-    flags = {name: _built(f"trainer.{name}", value) for name, value in flags.items()}
+    flags = _flags(settings, fit, working.name, validated=validated)
     more = flags.pop("plugins", [])
     try:
-        trainer = Trainer(
+        return Trainer(
             **flags,
             plugins=[CheckpointFiles(), *(more if isinstance(more, list) else [more])],
             callbacks=[*keepers, *callbacks],
@@ -229,7 +209,33 @@ def make_trainer(
             f"Lightning's Trainer rejects a flag of trainer: {reason(error)}{near}; correct that "
             f"flag{ours}."
         ) from error
-    return trainer
+
+
+def _flags(
+    settings: TrainerConfig, fit: Mapping[str, Any], network: str, *, validated: bool
+) -> dict[str, Any]:
+    """Return the flags of the trainer, and build the objects that they name."""
+    flags = {
+        "log_every_n_steps": min(10, fit["steps_per_epoch"]),
+        "limit_val_batches": 1.0 if validated else 0,
+        "num_sanity_val_steps": 0,
+        "enable_model_summary": False,
+        "sync_batchnorm": settings.accelerator != "cpu" and torch.cuda.is_available(),
+        "max_epochs": fit["epochs"],
+        **settings.flags,
+    }
+    epochs = f"model.{network}.fit.epochs"
+    if "max_epochs" in settings.flags and fit["epochs"]:
+        log_once(log, f"trainer.max_epochs is of every network of this run, {epochs} of one.")
+    if not fit["epochs"]:  # what is fitted in closed form takes no step
+        flags["max_epochs"] = 0
+    if type(flags["max_epochs"]) is not int:  # which Lightning would find in the midst of work
+        raise UserError(
+            f"trainer.max_epochs={flags['max_epochs']} is no number; correct it, or give {epochs}."
+        )
+    if taken := next((name for name in INSTEAD if name in flags), None):
+        raise UserError(f"trainer.{taken} is set by this package; {INSTEAD[taken]}.")
+    return {name: _built(f"trainer.{name}", value) for name, value in flags.items()}
 
 
 def _built(where: str, value: Any) -> Any:  # noqa: ANN401
