@@ -59,13 +59,13 @@ from tex_lightning.data.readers.arrays import (
     write_samples,
 )
 from tex_lightning.errors import InvalidInput
+from tex_lightning.export.files import export_checkpoint
 from tex_lightning.inference.prediction import Prediction
 from tex_lightning.inference.predictor import Predictor, load
 from tex_lightning.learning.adaptation import adapt, sample_features
 from tex_lightning.studies.fold import open_training, train_model
+from tex_lightning.studies.new_classes import enroll, open_new_classes
 from tex_lightning.studies.notes import recording_notes
-from tex_lightning.tasks.enroll import enroll, open_new_classes
-from tex_lightning.tasks.export import export_checkpoint
 from tex_lightning_runtime.files import expanded
 from tex_lightning_runtime.quality import Quality
 from tex_lightning_runtime.samples import readable

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from tex_lightning.errors import UserError
+from tex_lightning.recording import recorder
+from tex_lightning.recording.recorder import Signal
 from tex_lightning.recording.sources import Source
-from tex_lightning.tasks import record
-from tex_lightning.tasks.record import Signal
 
 
 def signal(rate, *pieces, timeout=1.0, **source):
@@ -41,7 +41,7 @@ def test_a_sensor_that_falls_silent_raises_an_error():
 @pytest.mark.parametrize("timed", [True, False])
 def test_the_rate_of_a_live_sensor_is_measured(monkeypatch, timed):
     clock = [100.0]
-    monkeypatch.setattr(record, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+    monkeypatch.setattr(recorder, "time", SimpleNamespace(monotonic=lambda: clock[0]))
 
     def ramp():
         for start in range(0, 66, 11):

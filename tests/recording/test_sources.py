@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from tex_lightning.config.data import SourceConfig
 from tex_lightning.errors import UserError
+from tex_lightning.recording.recorder import Signal
 from tex_lightning.recording.sources import Parser, open_source
-from tex_lightning.tasks.record import Signal
 
 SAMPLES = np.random.default_rng(0).standard_normal((3, 40)).astype(np.float32)
 

@@ -13,9 +13,9 @@ from random_fusion import PAIRS
 
 import tex_lightning as tl
 from tex_lightning.evaluation.outcomes import wilson_interval
+from tex_lightning.export import files as export
 from tex_lightning.export import onnx_file
 from tex_lightning.export.graph import ClassifierGraph
-from tex_lightning.tasks import export
 
 
 def results(folder: Path) -> dict:

@@ -8,8 +8,8 @@ import pytest
 import soundfile
 from conftest import RATE, make_trace
 
+from tex_lightning.data.readers.given_files import find_files, match_files
 from tex_lightning.errors import UserError
-from tex_lightning.tasks.predict import find_files, match_files
 
 
 @pytest.fixture(scope="module")

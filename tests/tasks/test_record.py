@@ -14,7 +14,7 @@ from PIL import Image
 
 from tex_lightning.core.run_folder import LOCK
 from tex_lightning.data.manifest import read_manifest
-from tex_lightning.tasks.record import Signal
+from tex_lightning.recording.recorder import Signal
 
 OAK = ("record.label=oak", f"record.haptic.rate={RATE}")
 

@@ -10,6 +10,7 @@ from tex_lightning.core.console import say
 from tex_lightning.core.run_folder import checkpoint_of, system_name
 from tex_lightning.data.folds import split, tested_part
 from tex_lightning.data.readers import read_recordings
+from tex_lightning.data.readers.given_files import find_files
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.errors import UserError
 from tex_lightning.inference.predictor import Predictor
@@ -19,7 +20,6 @@ from tex_lightning.learning.provenance import seen_of
 from tex_lightning.studies.dataset import Dataset, decode_for
 from tex_lightning.studies.description import show_opening
 from tex_lightning.studies.evaluate_checkpoint import results_frame
-from tex_lightning.tasks.predict import find_files
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
