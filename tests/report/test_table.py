@@ -6,9 +6,8 @@ import pytest
 from rich.console import Console
 
 from tex_lightning.core.console import Screen
-from tex_lightning.report import sweep_summary, table
+from tex_lightning.report import frontier_chart, sweep_summary, table
 from tex_lightning.report.trials import sweep_table
-from tex_lightning.tasks import frontier
 
 CORRECT = {"correct": 98_765, "test_samples": 100_000, "vote_accuracy": 0.98765}
 NETWORK = {
@@ -28,7 +27,7 @@ RUN = {"task": "crossval", "model": "fusion", "data": "manifest", "classes": [*"
 def printed(monkeypatch):
     """What is printed on 80 columns."""
     console = Console(width=80, file=io.StringIO())
-    for module in (table, sweep_summary, frontier):
+    for module in (table, sweep_summary, frontier_chart):
         monkeypatch.setattr(module, "console", console)
     monkeypatch.setattr(Screen, "sweep", False)  # whatever ran before in this process
 

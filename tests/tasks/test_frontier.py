@@ -17,7 +17,6 @@ from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.studies import family
 from tex_lightning.studies.family import compose_family, label_systems
-from tex_lightning.tasks import frontier
 
 CONTRACT = (
     "system", "kind", "parameters", "macs", "latency_ms_median", "latency_ms_p95", "fit_seconds",
@@ -117,8 +116,11 @@ def test_samples_and_chance_are_those_of_all_systems_and_classes():
     outcomes = [Outcome({"haptic": f"{n}.wav"}, "a", "a", 1, 1, 1, 2.0, probabilities=known)
                 for n in range(4)]  # fmt: skip
     systems = [family.System("x", [], None, tests={0: outcomes[:n]}) for n in (4, 3)]
-    assert frontier._tested(systems) == ("3 to 4 test samples", 1 / 3)  # b and c have no sample
-    assert frontier._tested(systems[:1])[0] == "4 test samples"
+    assert family.tested_samples(systems) == (
+        "3 to 4 test samples",
+        1 / 3,
+    )  # b and c have no sample
+    assert family.tested_samples(systems[:1])[0] == "4 test samples"
 
 
 def test_a_finished_family_is_not_trained_again_and_its_votes_decide(

@@ -11,7 +11,7 @@ from scipy.stats import binomtest
 
 from tex_lightning.config.check import read_config
 from tex_lightning.config.composition import compose_config
-from tex_lightning.studies.perturbed import load_systems
+from tex_lightning.studies.load_systems import load_systems
 
 ONLY = ("white_noise", "shorter_trace", "jpeg")
 COLUMNS = (

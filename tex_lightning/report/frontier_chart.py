@@ -1,6 +1,7 @@
-"""The chart of ``task=frontier``: accuracy of every system beside its time."""
+"""The chart and the table of ``task=frontier``: accuracy of every system beside its time."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from textwrap import fill
 from typing import Any
 
@@ -8,7 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
+from tex_lightning.core.console import console, say
+from tex_lightning.evaluation.metrics import METRICS
 from tex_lightning.report.style import COLOURS, brief, styled
+from tex_lightning.report.table import make_table, print_tables
 
 FrontierRow = Mapping[str, Any]  # of ``frontier.csv``, by column
 GREY = "#6b6b6b"  # of what another system beats in both
@@ -78,3 +82,27 @@ def _draw_row(left: Axes, right: Axes, place: int, row: FrontierRow) -> None:
     right.barh(place, row["latency_ms_mean"], height=0.55, color=colour)
     time = f" {float(format(row['latency_ms_mean'], '.3g')):,g}"
     right.text(row["latency_ms_mean"], place, time, va="center", color=colour, fontsize=7)
+
+
+def print_frontier(rows: Sequence[FrontierRow], directory: Path, command: str) -> None:
+    """Print one line per system, and how to train the chosen one."""
+    table = make_table("frontier", ["system"], ["accuracy", "95 % CI", "ms", "fit s", "parameters"])
+    table.caption = "ms: mean of one sample"
+    for row in rows:
+        table.add_row(
+            row["name"] + (" (chosen)" if row["chosen"] else ""),
+            METRICS["vote_accuracy"].text(row["vote_accuracy"]),
+            f"{100 * row['ci_low']:.1f}-{100 * row['ci_high']:.1f}",
+            f"{row['latency_ms_mean']:.1f}",
+            METRICS["fit_seconds"].text(row["fit_seconds"]),
+            METRICS["parameters"].text(row["parameters"]),
+            style=None if row["on_frontier"] else "dim",
+        )
+    console.print(table)
+    (chosen,) = (row for row in rows if row["chosen"])
+    say(
+        f"{chosen['name']} is chosen on all tested samples, so its own accuracy of "
+        f"{chosen['vote_accuracy']:.1%} is optimistic, and holds for these classes."
+    )
+    say(f"Train it with: {command}", wraps=False)
+    print_tables(directory)

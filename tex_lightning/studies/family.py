@@ -1,4 +1,4 @@
-"""Compose the systems of a family, and train and test them on the same folds."""
+"""Compose the systems of a family, train and test them on the same folds, and choose one."""
 
 import logging
 from collections.abc import Mapping, Sequence
@@ -16,6 +16,8 @@ from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.core.progress import Stage
 from tex_lightning.core.run_folder import RESULTS, predictions_of
 from tex_lightning.errors import UserError, shorten
+from tex_lightning.evaluation.comparison import correct_shares, one_standard_error, pareto
+from tex_lightning.evaluation.metrics import METRICS, metrics_in, pooled_metrics
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
 from tex_lightning.inference.early_stopping import SEQUENTIAL
 from tex_lightning.learning.provenance import note_recordings
@@ -28,6 +30,16 @@ NETWORKS = "networks"
 OWN_SECTIONS = ("task", "frontier", "crossval")  # keys that say nothing of a single system
 UNSAID = ("model", "experiment", "weights")  # keys that are no part of a name for readers
 SAID_BY_VALUE = ("decision", "model.senses")
+COLUMNS = {  # of ``frontier.csv``, with the metric that each has; further metrics come last
+    "parameters": "parameters",
+    "macs": "macs_per_sample",
+    "latency_ms_median": "latency_ms",
+    "latency_ms_p95": "latency_ms_p95",
+    "fit_seconds": "fit_seconds",
+    "vote_accuracy": "vote_accuracy",
+    "ci_low": "ci_low",
+    "ci_high": "ci_high",
+}
 
 
 @dataclass
@@ -228,3 +240,65 @@ def _run_folds(
             results = run_fold(config.on_fold(fold), dataset, home, networks_in=networks_in)
         entries.append(results["networks"])
     return entries
+
+
+def tested_samples(systems: Sequence[System]) -> tuple[str, float]:
+    """Return the number of test samples, in which senses may differ, and the accuracy of guessing.
+
+    A tested fold may lack classes, which are guessed nevertheless.
+    """
+    counts = sorted({len(system.outcomes) for system in systems})
+    said = " to ".join(map(str, dict.fromkeys((counts[0], counts[-1]))))
+    return f"{said} test samples", 1 / len(systems[0].outcomes[0].class_probabilities)
+
+
+def choose_system(systems: Sequence[System]) -> System:
+    """Choose a system by its time and its accuracy on samples of all senses."""
+    widths = [len(system.config.model.modalities) for system in systems]
+    joint = systems[widths.index(max(widths))].tests
+    named = {system.name: system for system in systems}
+    votes = {
+        name: {
+            (fold, recording): share
+            for fold in joint
+            for recording, share in correct_shares(system.tests[fold], joint[fold]).items()
+        }
+        for name, system in named.items()
+    }
+    return named[one_standard_error({name: x.cost for name, x in named.items()}, votes)]
+
+
+def frontier_rows(systems: Sequence[System], chosen: System) -> list[dict[str, Any]]:
+    """Return the rows of ``frontier.csv``, fastest first."""
+    entries = {system.name: _entry(system) for system in systems}
+    points = {
+        system.name: (system.cost, entries[system.name]["vote_accuracy"]) for system in systems
+    }
+    line = pareto(points)
+    further = [metric for metric in metrics_in("frontier") if metric.name not in COLUMNS.values()]
+    rows = []
+    for system in sorted(systems, key=lambda system: system.cost):
+        entry = entries[system.name]
+        row = {
+            "system": system.name,
+            "kind": system.config.model.kind,
+            **{column: METRICS[name].of(entry) for column, name in COLUMNS.items()},
+            "on_frontier": system.name in line,
+            "chosen": system is chosen,
+            "latency_ms_mean": system.cost,
+            "name": system.label,
+            **{metric.name: metric.of(entry) for metric in further},
+        }
+        rows.append(row)
+    return rows
+
+
+def _entry(system: System) -> dict[str, Any]:
+    """Return what ``results.json`` would say of a system on all tested folds."""
+    pooled = pooled_metrics(system.outcomes, calibrated=False)
+    macs = system.entry["macs_per_sample"]
+    if macs is not None:  # those that a sequential decision does not do are left out
+        macs = round(macs * fmean(outcome.relative_macs for outcome in system.outcomes))
+    return {
+        **system.entry, **pooled, "macs_per_sample": macs, "fit_seconds": system.fit_seconds
+    }  # fmt: skip
