@@ -6,14 +6,13 @@ configuration (:mod:`tex_lightning.config.check`), derives settings from the rec
 imported once the command line is known to be right.
 """
 
-import gc
 import logging
 import os
 import sys
 import time
 import traceback
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -33,7 +32,6 @@ from tex_lightning.config.composition import (
     split_flags,
 )
 from tex_lightning.config.help_text import answer
-from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.config.mistakes import check_choices, to_user_error
 from tex_lightning.config.overrides import key_of, parsed_overrides
 from tex_lightning.config.rules import check_typed
@@ -42,7 +40,7 @@ from tex_lightning.config.user_folders import use_config_dir
 from tex_lightning.core.console import Screen, console, say, show_rank_zero, verbosity
 from tex_lightning.core.contract import fault_of
 from tex_lightning.core.progress import finishing
-from tex_lightning.core.ranks import is_rank_zero, joining, requeueing, started_processes
+from tex_lightning.core.ranks import is_rank_zero, requeueing
 from tex_lightning.core.run_folder import (
     FAILURE,
     claim_folder,
@@ -55,6 +53,7 @@ from tex_lightning.core.run_folder import (
     write_results,
 )
 from tex_lightning.errors import UserError
+from tex_lightning.learning.processes import prepared, quick_import
 
 FAILED, USER_FAULT, INTERRUPTED = 1, 2, 130  # exit statuses
 PATIENCE = 10.0  # seconds by which processes that were started together may differ
@@ -121,7 +120,7 @@ def train(*overrides: str) -> Results:
                 f"task={composed.task} leaves no results; run it by python -m tex_lightning, or "
                 "classify with tex_lightning.load."
             )
-        with _quick_import():
+        with quick_import():
             from tex_lightning.core.devices import own_defaults
         with own_defaults():
             run_task(composed, job)
@@ -310,19 +309,6 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     return None
 
 
-@contextmanager
-def prepared(config: Config, job: Job) -> Iterator[None]:
-    """Trust the named classes, set the devices, and join the processes that train together.
-
-    Raises:
-        UserError: If a task cannot use the devices, or the processes cannot train together.
-    """
-    trust(*config.trusted, *named_classes(config.model.nodes))
-    with joining(processes := set_devices(config)):
-        check_processes(config, job, processes)
-        yield
-
-
 def _run_in_folder(config: Config, composed: DictConfig, job: Job) -> dict[str, Any]:
     """Run a task in its locked run folder; write its results, if any, and the report."""
     locked = is_rank_zero() and config.task not in SILENT
@@ -332,7 +318,7 @@ def _run_in_folder(config: Config, composed: DictConfig, job: Job) -> dict[str, 
         if is_rank_zero() and config.task not in NO_FOLDER:
             claim_folder(composed, flatten(plain_values(config)), job)
         # a task is imported when it runs: most take Lightning, which predictions do without
-        with _quick_import():
+        with quick_import():
             task = import_module(f"tex_lightning.tasks.{config.task}")
         results = task.run(config, job) or {}
         if results and locked:
@@ -341,76 +327,3 @@ def _run_in_folder(config: Config, composed: DictConfig, job: Job) -> dict[str, 
             write_results(job.directory, results)
             write_report(job.directory)
         return results
-
-
-@contextmanager
-def _quick_import() -> Iterator[None]:
-    """Import without garbage collection, which takes a sixth of the time and finds nothing."""
-    collecting = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collecting:
-            gc.enable()
-
-
-def set_devices(config: Config) -> int:
-    """Set PyTorch's threads and precision, and reject devices that a task cannot use.
-
-    The layers of a short chunk of a stream are so small that a second thread only costs time. A
-    user's ``OMP_NUM_THREADS`` is left as it is.
-
-    Returns:
-        The number of processes that train together.
-    """
-    with _quick_import():
-        import torch
-
-        from tex_lightning.core.devices import check_started, count_processes, keep_memory, use_tf32
-
-    threads = config.trainer.threads
-    if threads is None and config.task == "stream" and "OMP_NUM_THREADS" not in os.environ:
-        threads = 1
-    if threads is not None:
-        torch.set_num_threads(threads)
-    use_tf32(config.trainer.tf32)
-    keep_memory()
-    if config.task not in TRAINING:
-        return 1
-    trainer = config.trainer
-    processes = count_processes(trainer.accelerator, trainer.devices, trainer.num_nodes)
-    check_started(processes)
-    return processes
-
-
-def check_processes(config: Config, job: Job, processes: int) -> None:
-    """Reject settings that several processes cannot train with.
-
-    Raises:
-        UserError: If they cannot train together.
-    """
-    if processes == 1:
-        return
-    if job.origin == "sweep":
-        from tex_lightning.report.sweep import NO_SWEEP
-
-        raise UserError(NO_SWEEP)
-    if job.origin == "python" and not started_processes():
-        raise UserError(
-            "Python trains in this process alone; for several devices run python -m tex_lightning, "
-            "or start this program with torchrun."
-        )
-    sizes = {kind: getattr(config.model, kind).fit.batch_size for kind in config.model.trained}
-    complaints = [
-        f"model.{kind}.fit.batch_size is {size}, but {processes} processes share every batch: "
-        f"choose a multiple of {processes}"
-        for kind, size in sizes.items()
-        if size % processes
-    ]
-    if complaints:
-        raise UserError("; ".join(complaints) + ".")
-    if started_processes() and not job.named:
-        raise UserError(
-            "Several processes were started, which have to share a run folder; give hydra.run.dir."
-        )

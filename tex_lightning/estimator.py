@@ -31,7 +31,7 @@ from sklearn.utils.validation import (
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.cli import TURN, prepared
+from tex_lightning.cli import TURN
 from tex_lightning.config import Config
 from tex_lightning.config.check import checked_config
 from tex_lightning.config.composition import Job, compose_config
@@ -63,6 +63,7 @@ from tex_lightning.export.files import export_checkpoint
 from tex_lightning.inference.prediction import Prediction
 from tex_lightning.inference.predictor import Predictor, load
 from tex_lightning.learning.adaptation import adapt, sample_features
+from tex_lightning.learning.processes import prepared
 from tex_lightning.studies.fold import open_training, train_model
 from tex_lightning.studies.new_classes import enroll, open_new_classes
 from tex_lightning.studies.notes import recording_notes

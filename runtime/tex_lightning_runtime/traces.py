@@ -108,19 +108,8 @@ def stands_for_all(path: Path) -> bool:
 
 def _read_file(path: Path, channels: Channels, time_unit: str | None) -> Signal:
     require_file(path)
-    suffix = path.suffix.lower()
     try:
-        if suffix in SUFFIXES:
-            table, rate, reading = read_table(path, channels, time_unit)
-        elif suffix in READERS:
-            with warnings.catch_warnings(action="ignore"):
-                found, rate, notes = READERS[suffix](path)
-            if isinstance(found, dict):
-                table, rate, reading = separate_arrays(found, channels, time_unit, rate)
-            else:
-                table, reading = found, Reading(rate_from=HEADER if rate else "", notes=notes)
-        else:
-            raise UserError(f"Trace {path} has an unknown type; use {', '.join(TRACE_SUFFIXES)}.")
+        table, rate, reading = _read_any(path, channels, time_unit)
     except TableError as error:
         raise UserError(f"Trace {path} {reason(error)}.") from error
     except DAMAGE as error:
@@ -134,13 +123,27 @@ def _read_file(path: Path, channels: Channels, time_unit: str | None) -> Signal:
             f"Trace {path} has the shape {table.shape}; a trace has samples of 1 to {MAX_AXES} "
             "channels: give a file of one recording that is not empty."
         )
-    if named or suffix in SUFFIXES:
+    if named or path.suffix.lower() in SUFFIXES:
         return Signal(trace, rate, reading)
     trace = choose_channels(trace, channels, f"Trace {path}")
     if any(rising(axis[:SEEN]) for axis in trace):
         told = "an axis rises evenly; if it is time, choose the others by data.channels"
         reading = replace(reading, notes=(*reading.notes, told))
     return Signal(trace, rate, reading)
+
+
+def _read_any(path: Path, channels: Channels, time_unit: str | None) -> Signal:
+    """Read the samples of a file by its type, in whatever order it has them."""
+    suffix = path.suffix.lower()
+    if suffix in SUFFIXES:
+        return Signal(*read_table(path, channels, time_unit))
+    if suffix not in READERS:
+        raise UserError(f"Trace {path} has an unknown type; use {', '.join(TRACE_SUFFIXES)}.")
+    with warnings.catch_warnings(action="ignore"):
+        found, rate, notes = READERS[suffix](path)
+    if isinstance(found, dict):
+        return Signal(*separate_arrays(found, channels, time_unit, rate))
+    return Signal(found, rate, Reading(rate_from=HEADER if rate else "", notes=notes))
 
 
 def _read_sound(path: Path) -> Raw:

@@ -116,10 +116,8 @@ def test_samples_and_chance_are_those_of_all_systems_and_classes():
     outcomes = [Outcome({"haptic": f"{n}.wav"}, "a", "a", 1, 1, 1, 2.0, probabilities=known)
                 for n in range(4)]  # fmt: skip
     systems = [family.System("x", [], None, tests={0: outcomes[:n]}) for n in (4, 3)]
-    assert family.tested_samples(systems) == (
-        "3 to 4 test samples",
-        1 / 3,
-    )  # b and c have no sample
+    # b and c have no sample, and are guessed nevertheless
+    assert family.tested_samples(systems) == ("3 to 4 test samples", 1 / 3)
     assert family.tested_samples(systems[:1])[0] == "4 test samples"
 
 

@@ -17,7 +17,13 @@ from tex_lightning.config import READ_FILES, Config, flatten, trunk_name
 from tex_lightning.config.instantiation import TARGET, find_class
 from tex_lightning.config.keys import choice
 from tex_lightning.config.mistakes import refusal, unknown_key
-from tex_lightning.config.model import CHECKPOINT, PhotoConfig, SenseConfig, SignalConfig
+from tex_lightning.config.model import (
+    CHECKPOINT,
+    ModelConfig,
+    PhotoConfig,
+    SenseConfig,
+    SignalConfig,
+)
 from tex_lightning.config.nodes import as_taken, is_node, node_complaints, shared_complaints, takes
 from tex_lightning.config.rules import RULES
 from tex_lightning.config.signatures import misfits
@@ -68,14 +74,18 @@ def read_config(composed: DictConfig) -> Config:
             raise unknown_key(name, composed)
     for name in map(str, model.senses):  # a user can give anything in its place
         if name not in model.known:
-            by_modality = {model.sense(each).modality: each for each in reversed(model.known)}
-            near = nearest(by_modality.get(name, name), model.known)  # image is that of visual
-            raise UserError(
-                f"model.senses names {name}{near}, and there is no such sense: choose from "
-                f"{', '.join(model.known)}, or write conf/sense/{name}.yaml and give "
-                "--config-dir conf."
-            )
+            raise _unknown_sense(name, model)
     return config
+
+
+def _unknown_sense(name: str, model: ModelConfig) -> UserError:
+    """Return the error for a sense that is nowhere described."""
+    by_modality = {model.sense(each).modality: each for each in reversed(model.known)}
+    near = nearest(by_modality.get(name, name), model.known)  # image is that of visual
+    return UserError(
+        f"model.senses names {name}{near}, and there is no such sense: choose from "
+        f"{', '.join(model.known)}, or write conf/sense/{name}.yaml and give --config-dir conf."
+    )
 
 
 def missing_keys(composed: DictConfig) -> list[str]:

@@ -101,25 +101,8 @@ def explain(error: Exception) -> UserError:
             "'haptic=\"my file (1).wav\"'."
         )
     wrong = str(getattr(error, "missing_cfg_file", ""))
-    group, _, option = wrong.rpartition("/")
-    if isinstance(error, MissingConfigException) and group:
-        options = {each for each in error.options or () if each != "base"}
-        if not group.startswith("hydra/"):  # an experiment has a folder in its name
-            group, _, option = wrong.partition("/")
-            options |= {*config_groups().get(group, ())}
-        if name := RENAMED.get((group, option)):
-            return UserError(f"{group}={option} does not exist: it is called {group}={name} now.")
-        if group in ("hydra/launcher", "hydra/sweeper") and option in EXTRAS:
-            return UserError(
-                f"{group}={option} needs a plug-in that is not installed; run: "
-                f"pip install 'tex_lightning[{EXTRAS[option]}]'"
-            )
-        homes = [f"{name}={option}" for name, known in config_groups().items() if option in known]
-        meant = f" (did you mean {homes[0]}?)" if len(homes) == 1 else nearest(option, options)
-        return UserError(
-            f"{group}={shorten(option)} does not exist{meant}; "
-            f"choose one of {', '.join(sorted(options))}."
-        )
+    if isinstance(error, MissingConfigException) and wrong.rpartition("/")[0]:
+        return _missing_option(error, wrong)
     if isinstance(error, InterpolationResolutionError | UnsupportedInterpolationType):
         return _unresolved(error)
     if named := SAME_NAME.search(str(error)):
@@ -133,6 +116,28 @@ def explain(error: Exception) -> UserError:
         if match[1] not in _names(values):  # else it is null
             return unknown_key(match[1], root)
     return UserError(_one_line(error))
+
+
+def _missing_option(error: MissingConfigException, wrong: str) -> UserError:
+    """Explain that a group has no such option, ``GROUP/OPTION``, with near matches."""
+    group, _, option = wrong.rpartition("/")
+    options = {each for each in error.options or () if each != "base"}
+    if not group.startswith("hydra/"):  # an experiment has a folder in its name
+        group, _, option = wrong.partition("/")
+        options |= {*config_groups().get(group, ())}
+    if name := RENAMED.get((group, option)):
+        return UserError(f"{group}={option} does not exist: it is called {group}={name} now.")
+    if group in ("hydra/launcher", "hydra/sweeper") and option in EXTRAS:
+        return UserError(
+            f"{group}={option} needs a plug-in that is not installed; run: "
+            f"pip install 'tex_lightning[{EXTRAS[option]}]'"
+        )
+    homes = [f"{name}={option}" for name, known in config_groups().items() if option in known]
+    meant = f" (did you mean {homes[0]}?)" if len(homes) == 1 else nearest(option, options)
+    return UserError(
+        f"{group}={shorten(option)} does not exist{meant}; "
+        f"choose one of {', '.join(sorted(options))}."
+    )
 
 
 def _shadowed(group: str, option: str) -> str:

@@ -48,17 +48,22 @@ def make_sense(name: str, node: Mapping[str, Any], classes: int) -> Sense:
     parts: dict[str, Any] = {}
     for kind in ("features", "network"):
         parts[kind] = make(f"{where}.{kind}", node[kind], **offered)
-        if not isinstance(parts[kind], nn.Module):
-            raise UserError(f"{where}.{kind} gives {shorten(parts[kind])}, which is no nn.Module.")
-        if any(map(is_lazy, parts[kind].parameters())):
-            raise UserError(
-                f"{where}.{kind} has lazy layers, whose sizes a checkpoint would not say; give "
-                "them their sizes, as in nn.Conv1d(50, 8, 3) for nn.LazyConv1d(8, 3)."
-            )
+        _check_module(f"{where}.{kind}", parts[kind])
         shape = {name: getattr(parts[kind], name, None) for name in ("bands", "blocks", "bins")}
         offered |= {name: value for name, value in shape.items() if value is not None}
     check_network(f"{where}.network", node["network"][TARGET], parts["network"])
     return cls(name, modality, cls.make_decoder(decode), **parts)
+
+
+def _check_module(where: str, part: object) -> None:
+    """Reject what is no module, or one whose sizes its first input decides."""
+    if not isinstance(part, nn.Module):
+        raise UserError(f"{where} gives {shorten(part)}, which is no nn.Module.")
+    if any(map(is_lazy, part.parameters())):
+        raise UserError(
+            f"{where} has lazy layers, whose sizes a checkpoint would not say; give them their "
+            "sizes, as in nn.Conv1d(50, 8, 3) for nn.LazyConv1d(8, 3)."
+        )
 
 
 def check_network(where: str, name: str, network: object) -> None:
