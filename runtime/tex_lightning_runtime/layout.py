@@ -239,10 +239,9 @@ def _with_heading(
     above = [line for line in head[:start] if line.strip("-+=|,;: \t")]  # and no line between
     notes: list[str] = []
     above = with_statements(above, dialect, columns.count)
-    pairs = columns.count > 2 and [len(dialect.cells(line)) for line in above[-3:]] == [2, 2, 2]
-    listed = (pairs and not head[start - 1].strip()) or bool(KEYS.search("\n".join(above)))
     heading, rate = [names], None
     if not names:
+        listed = _are_settings(above, dialect, columns, apart=not head[start - 1].strip())
         heading, rate = read_heading(above, dialect, columns, notes, listed=listed)
     left = head[start : start + SAMPLE] if columns.empty else []  # of the numbers
     below_titles = (f"{a} {b}" for a, b in pairwise(above) if a.rstrip().endswith(":"))
@@ -262,9 +261,7 @@ def _with_heading(
         heading, rate, start = [], second, start + 2
     elif not heading and is_beyond(first, columns.rows):
         rate, start = lone_rate(first[0], columns.rows, notes), start + 1
-    for column in zip(*columns.rows, strict=True):
-        if len({*column}) > 2 and all(map(BITS.fullmatch, column)) and min(column)[0] == "0":
-            raise TableError(f"has binary numbers such as {column[0]!r}; write decimal ones")
+    _check_decimal(columns)
     place = len("\n".join(head[:start]).encode()) + (start > 0)
     data, below = without_footer(content[place:], dialect, columns)
     decimal, thousands = decimal_mark(
@@ -280,6 +277,22 @@ def _with_heading(
         count=int("".join(count.groups(""))) if count else None,
         first_line=start + 1, again=again, notes=(*notes, *below, *told),
     )  # fmt: skip
+
+
+def _are_settings(above: list[str], dialect: Dialect, columns: Kinds, *, apart: bool) -> bool:
+    """Return whether the last lines above are titles with one value each, which are no names.
+
+    They are ``apart`` if an empty line follows them.
+    """
+    pairs = columns.count > 2 and [len(dialect.cells(line)) for line in above[-3:]] == [2, 2, 2]
+    return (pairs and apart) or bool(KEYS.search("\n".join(above)))
+
+
+def _check_decimal(columns: Kinds) -> None:
+    """Reject binary numbers, which would be read as decimal ones."""
+    for column in zip(*columns.rows, strict=True):
+        if len({*column}) > 2 and all(map(BITS.fullmatch, column)) and min(column)[0] == "0":
+            raise TableError(f"has binary numbers such as {column[0]!r}; write decimal ones")
 
 
 def _between(data: bytes, plain: bytes, above: list[str]) -> tuple[list[str], str]:
