@@ -89,9 +89,7 @@ def print_findings(findings: Sequence[Mapping[str, str]]) -> None:
     if not findings:
         console.print("Nothing is suspected: no copy, no shared stretch, nothing clipped.")
         return
-    table = make_table("suspected", ["kind", "what", "files"], [])
-    for cells in _suspected(findings):
-        table.add_row(*cells.values())
-    console.print(table)
+    cells = (found.values() for found in _suspected(findings))
+    console.print(make_table("suspected", ["kind", "what", "files"], [], cells))
     if (more := len(findings) - MAX_LISTED) > 0:
         console.print(f"And {more} more in results.json.")

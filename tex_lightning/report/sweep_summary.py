@@ -76,10 +76,8 @@ def _print(table: Table, rows: Sequence[TrialRow], directory: Path) -> None:
     headings = [name for name in table.headings if not (one and name == "network")]
     shown = [name for name in headings if name not in right]
     figures = [name for name in headings if name in right]
-    screen = make_table("sweep", shown, figures)
-    for row in table.rows:
-        screen.add_row(*(row.get(name, "") for name in (*shown, *figures)))
-    console.print(screen)
+    cells = ([row.get(name, "") for name in (*shown, *figures)] for row in table.rows)
+    console.print(make_table("sweep", shown, figures, cells))
     for row in rows:
         if row["status"] != "done":
             console.print(f"Job {row[JOB]}: {row['status']}", soft_wrap=True)

@@ -1,6 +1,6 @@
 """Tables of results, for the terminal, ``report.md`` and ``report.html``."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -150,10 +150,7 @@ def print_results(results: dict[str, Any], directory: Path) -> None:
         return
     (first, *networks), *rows = fact_rows(results)
     title = f"{results['task']} · {results['model']} · {results['data']}"
-    table = make_table(title, [first], networks)
-    for cells in rows:
-        table.add_row(*cells)
-    print_tables(directory, table)
+    print_tables(directory, make_table(title, [first], networks, rows))
 
 
 def condition_rows(networks: Mapping[str, Network]) -> list[dict[str, str]]:
@@ -177,7 +174,12 @@ def condition_rows(networks: Mapping[str, Network]) -> list[dict[str, str]]:
     return rows
 
 
-def make_table(title: str, names: Sequence[str], figures: Sequence[str]) -> Screened:
+def make_table(
+    title: str,
+    names: Sequence[str],
+    figures: Sequence[str],
+    rows: Iterable[Iterable[str]] = (),
+) -> Screened:
     """Return a table of the terminal with as little ink as fits 80 columns.
 
     Columns of text, by their ``names``, go on in the next line; those of figures come after them.
@@ -187,6 +189,8 @@ def make_table(title: str, names: Sequence[str], figures: Sequence[str]) -> Scre
         table.add_column(heading, overflow="fold")
     for heading in figures:
         table.add_column(heading, overflow="fold", no_wrap=True, justify="right")
+    for cells in rows:
+        table.add_row(*cells)
     return table
 
 

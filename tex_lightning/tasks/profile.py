@@ -49,11 +49,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "engine": asdict(config.engine),
         "networks": networks,
     }
-    table = make_table(f"profile · {results['model']} · {results['weights']}", [""], [*networks])
-    profile = profile_table(networks)
+    profile, title = profile_table(networks), f"profile · {results['model']} · {results['weights']}"
+    table = make_table(title, [""], [*networks], profile.cells)
     table.caption = f"threads: {results['environment']['threads']} {profile.text}".strip()
-    for cells in profile.cells:
-        table.add_row(*cells)
     print_tables(job.directory, table)
     return results
 
