@@ -10,7 +10,7 @@ all senses to class scores (classes, fragments); :meth:`decide` makes the label 
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, cast
+from typing import Any, NamedTuple, cast
 
 import torch
 from torch import Tensor, nn
@@ -31,9 +31,9 @@ from tex_lightning.core.files import write_atomically
 from tex_lightning.data.recordings import Recording
 from tex_lightning.errors import UserError
 from tex_lightning.networks.archives import SizeLimit, check_numbers
-from tex_lightning.networks.blocks import Head, Level, score_layer_of, shared_copy
+from tex_lightning.networks.blocks import Level, score_layer_of, shared_copy
 from tex_lightning.networks.fusionnet import FusionLayer, bounded, scored_by
-from tex_lightning.networks.line import LineOrPlanes
+from tex_lightning.networks.line import class_scores
 from tex_lightning.senses.base import Sense, content
 from tex_lightning.senses.making import make_sense
 from tex_lightning_runtime.files import expanded
@@ -55,29 +55,8 @@ class SenseOutput(NamedTuple):
     novelty: Tensor | None
 
 
-class Decider(Protocol):
-    """A decision on samples: by a network, by a baseline, or sequential.
-
-    Attributes:
-        card: Card of what computes the scores, with the rule that decides.
-    """
-
-    card: Card
-
-    @property
-    def device(self) -> torch.device:
-        """Where it computes."""
-
-    def classify(self, **recordings: Tensor) -> Vote:
-        """Decide on one sample of decoded recordings by modality.
-
-        Raises:
-            UserError: If a modality that it needs is absent, or a recording is too small.
-        """
-
-
 class SurfaceClassifier(nn.Module):
-    """Classify decoded recordings by all of their fragments; it is a :class:`Decider`.
+    """Classify decoded recordings by all of their fragments; it is a :class:`.Decider`.
 
     The class scores of several senses are added (FusionNet). If their networks were fitted in
     closed form, the scores of a sense are scaled down for a recording that is far from its
@@ -426,25 +405,3 @@ def join_novelties(outputs: Iterable[SenseOutput]) -> Tensor | None:
             return None
         known.append(output.novelty)
     return sum(known, torch.zeros_like(known[0]))
-
-
-def class_scores(
-    network: nn.Module, features: Tensor, whole: tuple[Tensor, int] | None = None
-) -> Tensor:
-    """Return class scores (classes, positions) of FC2's features (D, positions).
-
-    Args:
-        network: A network with a ``score_layer``.
-        features: Features of all positions of a recording, or of some of them.
-        whole: If of some, the mean features (D,) of all positions of the recording, and their
-            number.
-    """
-    if isinstance(head := getattr(network, "head", None), Head):
-        arguments: list[Any] = [features[None, :, :, None]]
-        if whole is not None and isinstance(head.scores, LineOrPlanes):
-            arguments.append((whole[0][None, :, None], whole[1]))
-        scores: Tensor = head.scores(*arguments)
-        return scores[0, :, :, 0]
-    layer: Any = score_layer_of(network)
-    logits: Tensor = layer.weight.flatten(1) @ features + layer.bias[:, None]
-    return logits

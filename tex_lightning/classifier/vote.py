@@ -5,11 +5,13 @@ Votes are counted on the CPU in float64, so that every device decides alike on t
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from tex_lightning.classifier.card import Card
 from tex_lightning.errors import UserError
 
 
@@ -185,3 +187,24 @@ RULES = {
     "mean": Rule(mean_vote),
     "score": Rule(score_vote, by_mean_score=True),
 }
+
+
+class Decider(Protocol):
+    """A decision on samples: by a network, by a baseline, or sequential.
+
+    Attributes:
+        card: Card of what computes the scores, with the rule that decides.
+    """
+
+    card: Card
+
+    @property
+    def device(self) -> torch.device:
+        """Where it computes."""
+
+    def classify(self, **recordings: Tensor) -> Vote:
+        """Decide on one sample of decoded recordings by modality.
+
+        Raises:
+            UserError: If a modality that it needs is absent, or a recording is too small.
+        """

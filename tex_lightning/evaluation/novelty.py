@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.classifier.card import novelty_threshold
-from tex_lightning.classifier.classifier import Decider
+from tex_lightning.classifier.vote import Decider
 from tex_lightning.core.run_folder import predictions_of
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store

@@ -17,8 +17,7 @@ import scipy  # whose parts are loaded when they are used
 import torch
 
 from tex_lightning import __version__
-from tex_lightning.classifier.classifier import Decider
-from tex_lightning.classifier.vote import Vote
+from tex_lightning.classifier.vote import Decider, Vote
 from tex_lightning.config import Config, TrainerConfig
 from tex_lightning.core.devices import computing_device, synchronise
 from tex_lightning.core.files import read_rows, write_rows

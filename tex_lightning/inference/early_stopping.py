@@ -20,13 +20,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.classifier.classifier import (
-    Decider,
-    SenseOutput,
-    SurfaceClassifier,
-    join_novelties,
-)
-from tex_lightning.classifier.vote import RULES, Vote
+from tex_lightning.classifier.classifier import SenseOutput, SurfaceClassifier, join_novelties
+from tex_lightning.classifier.vote import RULES, Decider, Vote
 from tex_lightning.config import DecisionConfig, EngineConfig
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import Costs, accelerate, count_macs

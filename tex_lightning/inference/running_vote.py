@@ -16,10 +16,11 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from tex_lightning.classifier.classifier import SurfaceClassifier, class_scores
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.vote import RULES, Tally, Vote
 from tex_lightning.core.devices import computing_threads, full_precision
 from tex_lightning.inference.live_rests import LiveRests, MarkedSignal
+from tex_lightning.networks.line import class_scores
 from tex_lightning.networks.linear import LinearNet
 from tex_lightning.senses.features.movement import movement_start
 

@@ -1,14 +1,14 @@
 """What scores the fragments of a LinearNet: a gate, then a line, or what takes its place."""
 
 from collections import OrderedDict
-from typing import cast
+from typing import Any, cast
 
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import pad
 
 from tex_lightning.core.devices import is_at_hand
-from tex_lightning.networks.blocks import FittedLater
+from tex_lightning.networks.blocks import FittedLater, Head, score_layer_of
 from tex_lightning.networks.choice import Line
 from tex_lightning.networks.planes import ClassPlanes
 from tex_lightning.networks.range import FeatureRange, RangeGate
@@ -236,3 +236,25 @@ def weighed(x: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
     """
     scores = weight.flatten(1) @ x.flatten(2) + bias[:, None]
     return scores.reshape(x.shape[0], -1, *x.shape[2:])
+
+
+def class_scores(
+    network: nn.Module, features: Tensor, whole: tuple[Tensor, int] | None = None
+) -> Tensor:
+    """Return class scores (classes, positions) of FC2's features (D, positions).
+
+    Args:
+        network: A network with a ``score_layer``.
+        features: Features of all positions of a recording, or of some of them.
+        whole: If of some, the mean features (D,) of all positions of the recording, and their
+            number.
+    """
+    if isinstance(head := getattr(network, "head", None), Head):
+        arguments: list[Any] = [features[None, :, :, None]]
+        if whole is not None and isinstance(head.scores, LineOrPlanes):
+            arguments.append((whole[0][None, :, None], whole[1]))
+        scores: Tensor = head.scores(*arguments)
+        return scores[0, :, :, 0]
+    layer: Any = score_layer_of(network)
+    logits: Tensor = layer.weight.flatten(1) @ features + layer.bias[:, None]
+    return logits
