@@ -26,11 +26,8 @@ from tex_lightning_runtime.heading import (
     is_beginning,
     is_beyond,
     is_numbering,
-    lone_rate,
     names_and_units,
-    rate_doubts,
     read_heading,
-    stated_rate,
     with_statements,
     without_footer,
 )
@@ -45,6 +42,7 @@ from tex_lightning_runtime.plain_text import (
     without_comments,
     without_names,
 )
+from tex_lightning_runtime.stated_rates import lone_rate, rate_doubts, stated_rate
 from tex_lightning_runtime.times import TableError
 
 WORDS = {"stamp": "object", "text": "category"}  # as which pandas reads them
@@ -241,7 +239,7 @@ def _with_heading(
     above = with_statements(above, dialect, columns.count)
     heading, rate = [names], None
     if not names:
-        listed = _are_settings(above, dialect, columns, apart=not head[start - 1].strip())
+        listed = _lists_settings(above, dialect, columns, apart=not head[start - 1].strip())
         heading, rate = read_heading(above, dialect, columns, notes, listed=listed)
     left = head[start : start + SAMPLE] if columns.empty else []  # of the numbers
     below_titles = (f"{a} {b}" for a, b in pairwise(above) if a.rstrip().endswith(":"))
@@ -279,7 +277,7 @@ def _with_heading(
     )  # fmt: skip
 
 
-def _are_settings(above: list[str], dialect: Dialect, columns: Kinds, *, apart: bool) -> bool:
+def _lists_settings(above: list[str], dialect: Dialect, columns: Kinds, *, apart: bool) -> bool:
     """Return whether the last lines above are titles with one value each, which are no names.
 
     They are ``apart`` if an empty line follows them.
