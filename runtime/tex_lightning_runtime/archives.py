@@ -24,7 +24,7 @@ RATES = (
 )  # fmt: skip
 PERIODS = (  # s
     "dt", "ts", "deltat", "samplingperiod", "sampleperiod", "samplinginterval", "sampleinterval",
-    "samplingtime", "sampletime",
+    "samplingtime", "sampletime", "tinterval",
 )  # fmt: skip
 HDF5 = (".h5", ".hdf5")
 ARCHIVES = (".npz", ".mat", *HDF5)
@@ -56,7 +56,8 @@ def signals_of(arrays: dict[str, Array]) -> tuple[dict[str, Array], float | None
     Raises:
         ValueError: If there is none, or several of other lengths or of the same name.
     """
-    kept = {name: each for name, each in arrays.items() if each.dtype.kind in f"{NUMBERS}M"}
+    parts = chain.from_iterable(_fields(*each) for each in arrays.items())
+    kept = {name: each for name, each in parts if each.dtype.kind in f"{NUMBERS}M"}
     arrays = {name: _seconds(each) for name, each in kept.items()}
     said = (_rate(_leaf(name), float(each.item())) for name, each in arrays.items()
             if each.size == 1)  # fmt: skip
@@ -80,6 +81,14 @@ def signals_of(arrays: dict[str, Array]) -> tuple[dict[str, Array], float | None
     if len(signals) > 1:
         signals = _of_one_length(signals)
     return signals, rate if known else None
+
+
+def _fields(name: str, array: Array) -> Iterator[tuple[str, Array]]:
+    """Yield an array by its path, or those of its fields, which may have fields."""
+    if array.dtype.names is None:
+        yield name, array
+    for field in array.dtype.names or ():
+        yield from _fields(f"{name}/{field}", array[field])
 
 
 def _leaf(name: str) -> str:

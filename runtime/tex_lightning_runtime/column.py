@@ -147,6 +147,7 @@ class Column:
         rises = ((steps >= 0).all() and steps.any()) or (steps > 0).sum() > USUAL * len(steps)
         return bool(rises) and (
             (first and not {*UNITS}.isdisjoint(units or {u for u in last if len(u) > 1}))
+            or (words == {"min"} and rising(values))
             or any(word.endswith(GLUED) for word in ("".join(self.words), *words))
             or (units <= {*UNITS} if alone else bool(words) and words - last <= OF_TIME)
         )
@@ -155,7 +156,7 @@ class Column:
         """Return why it is no axis; "" if it is one."""
         words = {*self.words} if self.named else set()
         if self.named and UNNAMED.fullmatch(self.name.casefold()) and self.first:
-            ordered = self.is_text or self._is_whole() or self.values.is_monotonic_increasing
+            ordered = self.is_text or self.is_whole or self.values.is_monotonic_increasing
             return "index" if ordered else ""
         if "hex" in self.units:
             return "hexadecimal"
@@ -171,10 +172,10 @@ class Column:
             return ""
         if "dt" in words or (words & STEPS and len(words) > 1 and words <= OF_TIME | STEPS | {"s"}):
             return "steps of time"
-        if words & DATES and words <= {*DATES, *OF_TIME, "gps", "of"} and self._is_whole():
+        if words & DATES and words <= {*DATES, *OF_TIME, "gps", "of"} and self.is_whole:
             return "date"
         few, states = max(1, len(self.values) // 10), words and words <= STATES
-        if (states or words & FLAGS) and self._is_whole() and self.values.nunique() <= few:
+        if (states or words & FLAGS) and self.is_whole and self.values.nunique() <= few:
             return "label" if states else "state"
         return "counter" if self._counts() else ""
 
@@ -220,14 +221,21 @@ class Column:
         numbers = [cell for cell in cells if re.search(r"\d[.,]\d|^\[\d+\]$|[]:>] ?-?\d+$", cell)]
         return numbers[0] if len({*numbers}) > 0.5 * len(cells) else ""
 
-    def _is_whole(self) -> bool:
+    @property
+    def is_whole(self) -> bool:
+        """Whether its numbers are whole."""
         return self.values.dtype.kind in "iu" or bool((self.values % 1 == 0).all())
+
+    @property
+    def is_code(self) -> bool:
+        """Whether few whole numbers without a name may be those of sensors or labels."""
+        return not self.named and self.is_whole and self.values.nunique() <= len(self.values) // 10
 
     @property
     def by_one(self) -> bool:
         """Whether whole numbers go up one by one, but for some that miss or begin anew."""
         steps = np.diff(np.asarray(self.values, np.float64))
-        return len(steps) > MIN_RISING and bool((steps == 1).mean() > USUAL) and self._is_whole()
+        return len(steps) > MIN_RISING and bool((steps == 1).mean() > USUAL) and self.is_whole
 
     def _counts(self) -> bool:
         """Whether whole numbers count samples: by their name, or one by one without a unit."""
@@ -237,7 +245,7 @@ class Column:
         values = np.asarray(self.values, np.float64)
         steps = np.diff(values)
         by_one = self.by_one and not self.units
-        if not (index or called or by_one or self.name == "#") or not self._is_whole():
+        if not (index or called or by_one or self.name == "#") or not self.is_whole:
             return False
         if index or by_one:
             return by_one or bool((steps < 0).sum() <= (1 - USUAL) * len(steps))

@@ -8,7 +8,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tex_lightning_runtime.column import IDS, MIN_RISING, SENSORS, SLOW, Column, missing
+from tex_lightning_runtime.column import (
+    IDS,
+    MIN_RISING,
+    SENSORS,
+    SLOW,
+    Column,
+    missing,
+    rising,
+    split_words,
+)
 from tex_lightning_runtime.errors import inflected
 from tex_lightning_runtime.samples import Array, Channels
 from tex_lightning_runtime.time_columns import find_time
@@ -17,7 +26,8 @@ from tex_lightning_runtime.times import NOMINAL, SELDOM, Even, TableError, even_
 FILLERS, BEYOND = (999.0, 9999.0, 99999.0), 10  # in place of what is missing; times all others
 MIN_ROW = 4  # samples in a line, or more, which may be of one signal
 TAKE = re.compile(  # words of a name that numbers recordings; arr_0 may as well be their times
-    r"(?:trial|run|rep|repetition|recording|stroke|take|swipe|sample|specimen|arr(?=-\d+-\d))-\d+"
+    r"\b(?:trial|run|rec|rep|repetition|recording|stroke|take|swipe|sample|specimen"
+    r"|arr(?=-\d+-\d))-\d+|^latest\b"
 )
 IDLE, LIVELY = 0.75, 0.5  # shares of samples that equal the one before: of states, of signals
 
@@ -95,7 +105,7 @@ def separate(
     names = tuple(column.name for column in axes) if axes[0].named else ()
     warned = [
         *(_warned(axes) if times is None else ()),
-        *(_unlike(axes) if channels is None else ()),
+        *(_unlike(axes, timed=times is not None) if channels is None else ()),
     ]
     notes = (*cut, *warned, *_joined(columns), *found.notes)
     return found.samples, found.rate or None, Reading(names, said, left, notes)
@@ -164,7 +174,8 @@ def _check_turns(columns: list[Column], channels: Channels) -> None:
 
 def _check_alone(axes: list[Column]) -> None:
     """Reject recordings side by side, trial_1, trial_2, ..., or arr_0 and arr_1 of several axes."""
-    found = {c: match[0] for c in axes if c.named and (match := TAKE.match("-".join(c.words)))}
+    named = {c: "-".join(split_words(c.name)) for c in axes if c.named}
+    found = {c: match[0] for c, name in named.items() if (match := TAKE.search(name))}
     if len({*found.values()}) > 1:
         first, *_, last = (column.title for column in found)
         raise TableError(
@@ -179,7 +190,7 @@ def _check_order(axes: list[Column], samples: Array) -> None:
     A line then goes on where the one before ended, while each column leaps from line to line.
     """
     groups: dict[str, list[int]] = defaultdict(list)
-    for number, axis in enumerate(axes if axes[0].named else ()):
+    for number, axis in enumerate(axes):
         groups[re.sub(r"\d+", "", axis.name)].append(number)
     for group in (g for g in groups.values() if len(g) >= MIN_ROW < samples.shape[1]):
         rows = samples[group]
@@ -192,14 +203,21 @@ def _check_order(axes: list[Column], samples: Array) -> None:
             )
 
 
-def _unlike(axes: list[Column]) -> list[str]:
+def _unlike(axes: list[Column], *, timed: bool) -> list[str]:
     """Say how to leave out axes that by name or values are no signal, beside others that are.
 
-    Of axes whose names differ in numbers alone, such as taxels, some may rest.
+    Of axes whose names differ in numbers alone, such as taxels, some may rest. What rises evenly
+    where times are known (``timed``) may be another clock.
     """
     still = [(np.diff(axis.values, prepend=np.nan) == 0).mean() for axis in axes]
     words = [{*axis.words, *axis.units, "".join(axis.words[-2:])} for axis in axes]
-    slow = [bool(SLOW & each) or axis.by_one for axis, each in zip(axes, words, strict=True)]
+    codes = [axis.is_code for axis in axes]
+    if all(axis.is_whole for axis in axes):  # counts
+        codes = [False] * len(axes)
+    slow = [
+        bool(SLOW & each) or axis.by_one or code or (timed and rising(np.asarray(axis.values)))
+        for axis, each, code in zip(axes, words, codes, strict=True)
+    ]
     kin = [re.sub(r"\d", "", axis.name) or axis.name for axis in axes]
     signals = {kin[n] for n, share in enumerate(still) if share < LIVELY and not slow[n]}
     odd = [
@@ -220,7 +238,7 @@ def _joined(columns: list[Column]) -> list[str]:
         f"{column.title} changes at sample {place}: what follows each other is read as one "
         "recording"
         for column in columns
-        if column.named and (place := column.change)
+        if (place := column.change)
     ]
 
 

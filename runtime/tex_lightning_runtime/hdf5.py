@@ -74,12 +74,11 @@ def read_hdf5(path: Path, most: int) -> dict[str, Array]:
         raise Hdf5Error(f"it has {size:,} bytes; keep the signal alone")
     try:
         with pyfive.File(_content(path)) as file:
-            numbers = [each for name, part in _parts(file) for each in _numbers(name, part)]
-            claimed = sum(math.prod(part.shape) for _, part, _ in numbers)
+            numbers = dict(each for name, part in _parts(file) for each in _numbers(name, part))
+            claimed = sum(math.prod(part.shape) for part in numbers.values())
             if claimed > most:
                 raise Hdf5Error(f"it claims {claimed:,} numbers")
-            read = ((name, np.asarray(part[...]), field) for name, part, field in numbers)
-            return {name: array[field] if field else array for name, array, field in read}
+            return {name: np.asarray(part[...]) for name, part in numbers.items()}
     except Hdf5Error:
         raise
     except Exception as error:  # of any kind
@@ -106,18 +105,17 @@ def _parts(file: Any) -> Iterator[tuple[str, Any]]:
     raise Hdf5Error(f"it has more than {MAX_PARTS} parts, or a group that holds itself")
 
 
-def _numbers(path: str, part: Any) -> Iterator[tuple[str, Any, str]]:
-    """Yield the path of numbers, what has them (a dataset, an attribute), and the field of it."""
+def _numbers(path: str, part: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the path of numbers, and what has them: a dataset, an attribute."""
     attributes = dict(part.attrs)
     for name, value in attributes.items():
         number = np.asarray(value) if isinstance(value, np.number | np.ndarray) else np.empty(0)
         if number.size == 1 and number.dtype.kind in NUMBERS:
-            yield f"{path}/{name}".lstrip("/"), number, ""
+            yield f"{path}/{name}".lstrip("/"), number
     left_out = attributes.get("MATLAB_class") in NO_NUMBERS or "MATLAB_empty" in attributes
     if isinstance(part, Mapping) or left_out:
         return
     kind = np.dtype(part.dtype)
-    if kind.names and not kind.hasobject:
-        yield from ((f"{path}/{name}", part, name) for name in kind.names)
-    elif kind.kind in NUMBERS and "enum" not in (kind.metadata or {}):
-        yield path, part, ""
+    of_numbers = kind.kind in NUMBERS and "enum" not in (kind.metadata or {})
+    if of_numbers or (kind.names and not kind.hasobject):
+        yield path, part

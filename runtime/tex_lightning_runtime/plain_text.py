@@ -1,5 +1,6 @@
 """Files of text to plain UTF-8: one encoding, one kind of line end, no comments, no decoration."""
 
+import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -9,6 +10,8 @@ from tex_lightning_runtime.times import TableError
 
 MAX_TEXT = 1 << 29  # bytes of a file
 HEAD = 1 << 18  # bytes in which the numbers begin
+FIRST = 64  # of a file, in which NULs are none of a power failure
+BRACKETS = 3  # lines with nothing else, of an array of JSON with an element a line
 BINARY = {
     b"PK\x03\x04": "an Excel workbook or another archive",
     b"\xd0\xcf\x11\xe0": "an Excel workbook",
@@ -22,6 +25,8 @@ BINARY = {
     b"ARROW1": "a Feather file",
     b"TDSm": "a TDMS file",
     b"#ROSBAG": "a bag of ROS",
+    **dict.fromkeys((b"\x1f\x8b", b"BZh", b"\xfd7zXZ", b"7z\xbc\xaf"), "compressed"),
+    **dict.fromkeys((b"\x89PNG", b"\xff\xd8\xff"), "a photo"),
 }
 UTF = {  # by the mark at the beginning
     b"\xef\xbb\xbf": "utf-8-sig",
@@ -89,6 +94,8 @@ def read_utf8(path: Path) -> bytes:
     content = _utf8(content).rstrip(b"\0\x1a")
     if b"\0" in content:
         line = content[: content.index(b"\0")].count(b"\n") + 1
+        if line == 1 or b"\0" in content[:FIRST]:
+            raise TableError("is no text by its content; export it as CSV")
         raise TableError(f"has NUL bytes in line {line}, as power failures leave; cut them out")
     return content
 
@@ -108,7 +115,26 @@ def read_plain(path: Path) -> bytes:
         content = re.sub(rb"\x1b\[[\d;]*m", b"", content)  # colours
     for letter, plain in () if content.isascii() else PLAIN.items():
         content = content.replace(letter.encode(), plain)
+    if content[:FIRST].lstrip()[:1] in b"[{" and _is_json(content):
+        raise TableError(
+            "is JSON; write it as CSV, one sample a line below a line of names, in Python"
+        )
     return content
+
+
+def _is_json(content: bytes) -> bool:
+    """Return whether it is JSON, and not numbers, or flat objects of them, one a line."""
+    for text in (content, content.partition(b"\n")[0]):
+        try:
+            found = json.loads(text)
+        except (ValueError, RecursionError):
+            continue
+        parts = [*found.values()] if isinstance(found, dict) else found
+        inside = [part for part in parts if isinstance(part, list | dict)]
+        lines = text.count(b"\n") + 1
+        if inside and (isinstance(found, dict) or not -1 <= lines - len(found) <= BRACKETS):
+            return True
+    return False
 
 
 def check_size(path: Path) -> None:

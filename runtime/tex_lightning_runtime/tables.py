@@ -29,6 +29,7 @@ from tex_lightning_runtime.times import STAMP, TableError
 if TYPE_CHECKING:
     import pandas as pd
 
+MIN_LINES = 4  # with a whole number and fractions, which may begin at 0 in three axes
 HEADER = "the header of the file"  # where a rate stands
 SUFFIXES = (".txt", ".csv", ".tsv", ".lvm")
 FIELDS = re.compile(r"Expected (\d+) fields in line (\d+), saw (\d+)")
@@ -61,6 +62,7 @@ def read_table(path: Path, channels: Channels = None, time_unit: str | None = No
     if layout.names is None and 0 <= (layout.count or 0) - frame.size < count > 1:
         raise TableError(f"has {layout.count} samples in lines of {count}; write one sample a line")
     if layout.names is None and rows < count:
+        _check_labels(frame)
         if _are_titles(frame[0]):
             layout, frame = replace(layout, names=(*frame[0].astype(str),)), frame.drop(columns=0)
         frame = frame.T.reset_index(drop=True).infer_objects()
@@ -88,6 +90,16 @@ def separate_arrays(
             title = name if len(rows) == 1 else f"{name}_{number}"
             columns.append(Column(title, "", pandas.Series(values), first=not columns))
     return separate(columns, channels, time_unit, rate, rate_from=HEADER)
+
+
+def _check_labels(frame: "pd.DataFrame") -> None:
+    """Reject lines of fractions of which each begins or ends with a whole number, a label."""
+    whole = [place for place, cells in enumerate(frame.dtypes) if cells.kind in "iu"]
+    if len(frame) >= MIN_LINES and whole in ([0], [len(frame.columns) - 1]):
+        raise TableError(
+            f"has {len(frame)} recordings of a line by the label in each; write each into a file "
+            "of its own, without its label, one sample a line"
+        )
 
 
 def _are_titles(cells: "pd.Series[Any]") -> bool:

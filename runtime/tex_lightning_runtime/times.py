@@ -30,7 +30,12 @@ UNITS = {  # in seconds
     for name in names.split()
 }
 EPOCH = (9e8, 4.2e9)  # seconds since 1970: 1998 to 2103
-DAY_NUMBERS = (35_796, 74_511), (729_756, 768_471)  # 1998 to 2103 in days, of Excel and of MATLAB
+OTHER_EPOCHS = {  # 1998 to 2103 in other units of seconds
+    (35_796, 74_511): 86_400.0,  # days of Excel
+    (729_756, 768_471): 86_400.0,  # and of MATLAB
+    (1.25e17, 1.59e17): 1e-7,  # ticks of Windows
+    (6.30e17, 6.63e17): 1e-7,  # and of .NET
+}
 DAY, HOUR = 86_400.0, 3600.0
 TURNS = {HOUR: DAY, 60.0: HOUR}  # seconds after which hours and minutes begin anew
 MIN_STAMPS = 5  # different ones that repeat; the rate by fewer may be off by a fifth
@@ -118,7 +123,8 @@ def number_seconds(values: Array, unit: float | None, name: str) -> Array:
     """Return times in seconds since the first of numbers.
 
     Without a unit, moments since 1970 have the one that puts them into this century, and others
-    are seconds if that gives the rate of a signal, or else days of Excel or MATLAB.
+    are seconds if that gives the rate of a signal, or else days of Excel or MATLAB, or ticks of
+    100 ns.
 
     Args:
         values: Numbers; whole ones are subtracted exactly.
@@ -133,7 +139,7 @@ def number_seconds(values: Array, unit: float | None, name: str) -> Array:
     if unit is None:
         steps = np.diff(since)  # gaps and repetitions apart
         step = float(np.median(steps) or steps.mean()) if len(steps) else 0.0
-        units = (1.0, DAY) if any(a < values[0] < b for a, b in DAY_NUMBERS) else (1.0,)
+        units = (1.0, *(u for (a, b), u in OTHER_EPOCHS.items() if a < values[0] < b))
         fits = (u for u in units if not step or MIN_RATE <= 1 / abs(step * u) <= MAX_RATE)
         unit = next(fits, None)
         if unit is None:

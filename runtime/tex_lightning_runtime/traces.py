@@ -179,7 +179,7 @@ def _read_array(path: Path) -> Raw:
         if stream.read(len(NUMPY)) == NUMPY:
             raise ValueError("it holds several arrays; save each into a file of its own")
     if array.dtype.names and array.size <= MAX_SAMPLES:
-        return _signals(*signals_of({name: array[name] for name in array.dtype.names}))
+        return _signals(*signals_of({"": array}))
     if array.dtype.kind not in "fiu":
         raise ValueError(f"it holds {array.dtype} instead of numbers")
     if array.size > MAX_SAMPLES:

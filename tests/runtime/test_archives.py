@@ -1,5 +1,6 @@
 """Signals in .npz and .mat as NumPy and SciPy write them, and archives that are refused."""
 
+import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
@@ -69,7 +70,8 @@ def test_a_rate_that_cannot_be_is_not_known(tmp_path, given):
 
 @pytest.mark.parametrize(
     ("name", "number", "rate"),
-    [("dt", 0.0005, 2000), ("Ts", 1 / 800, 800), ("sfreq", 500, 500), ("sample_period", 0.001, 1e3),
+    [("dt", 0.0005, 2000), ("Tinterval", 0.002, 500), ("Ts", 1 / 800, 800),
+     ("sfreq", 500, 500), ("sample_period", 0.001, 1e3),
      ("sampling_time", 1.6, None), ("ts", 1.7e9, None), ("delta_x", 0.01, None)],
 )  # fmt: skip
 def test_a_number_is_the_rate_or_the_period_by_its_name(tmp_path, name, number, rate):
@@ -107,6 +109,19 @@ def test_moments_are_times_and_fields_are_columns(tmp_path):
     assert signal.reading.axes == ("x", "y")
     np.testing.assert_array_equal(signal.samples, [fields["x"], fields["y"]])
     assert signal.rate == pytest.approx(500)
+
+
+def test_fields_of_fields_are_columns_too(tmp_path):
+    fields = np.zeros(300, [("t", "f8"), ("imu", [("acc", [("x", "f8"), ("y", "f8")])])])
+    fields["t"], fields["imu"]["acc"]["x"], fields["imu"]["acc"]["y"] = TIME, *SAMPLES.T[:2]
+    np.save(tmp_path / "a.npy", fields)
+    np.savez(tmp_path / "b.npz", data=fields)
+    with h5py.File(tmp_path / "c.h5", "w") as file:
+        file["data"] = fields
+    for name in ("a.npy", "b.npz", "c.h5"):
+        samples, rate, reading = read_samples(tmp_path / name)
+        np.testing.assert_array_equal(samples, SAMPLES.T[:2])
+        assert (rate, reading.axes) == (pytest.approx(500), ("x", "y"))
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".mat"])

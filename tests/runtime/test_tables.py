@@ -1,6 +1,8 @@
 """Tables as people and programs write them, against the numbers they were written from."""
 
 import csv
+import gzip
+import json
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -264,6 +266,15 @@ READ = {
     "days of Excel": (
         table(column(45250.52 + TIMES / 86_400, "{:.11f}"), *XYZ, names="Date,x,y,z\n"), RATE
     ),
+    **{
+        f"ticks of {system}": (
+            table(column(range(begin, begin + 5000 * COUNT, 5000), "{}"), *XYZ,
+                  names="timestamp,x,y,z\n"), RATE
+        )
+        for system, begin in {"Windows": 134_168_328_000_000_000, ".NET": 639_079_560_000_000_000}
+        .items()
+    },
+    "minutes alone": (table(times(1 / 60, "{:.12f}"), *XYZ, names="min,x,y,z\n"), RATE),
     "clock of twelve hours": (
         table([c.replace("23:59:", "12:59:").replace("00:00:", "01:00:")
                for c in clock("%H:%M:%S.%f")], *XYZ, names="time,x,y,z\n"), RATE
@@ -959,6 +970,8 @@ REFUSED = {
     "of Parquet": (b"PAR1" + bytes(90), "is a Parquet file by its content and no text; export it"),
     "a workbook": (b"PK\x03\x04" + bytes(90), "is an Excel workbook .* no text; export it as CSV"),
     "NULs between": (ROWS.encode() + bytes(9) + ROWS.encode(), f"NUL bytes in line {COUNT + 1}"),
+    "numbers of a computer": (AXES.tobytes(), "is no text by its content; export it as CSV"),
+    "a compressed table": (gzip.compress(ROWS.encode()), "is compressed by its content and"),
     "random bytes": (RNG.bytes(5000), "."),
     "a broken formula": (
         table(*XYZ, names="x,y,z\n").replace(X[7], "#DIV/0!"), "has '#DIV/0!' at sample 7"
@@ -1037,6 +1050,38 @@ REFUSED = {
         table(times(), *XYZ, names="t,trial_1,trial_2,trial_3\n"),
         "has several recordings in 'trial_1' to 'trial_3'; write each into a file of its own, or",
     ),
+    **{
+        f"recordings side by side, {first} and {last}": (
+            table(times(), X, Y, names=f"t,{first},{last}\n"), f"'{first}' to '{last}'; write each"
+        )
+        for first, last in (
+            ("acc_rep1", "acc_rep2"), ("Force Run #1", "Force Run #2"),
+            ("Run 1: Force", "Latest: Force"), ("rec0", "rec1"),
+        )
+    },
+    "one signal, ten samples a line, without names": (
+        table(*(column(np.sin(np.arange(k, 600, 10) / 9)) for k in range(10))),
+        "has one signal in column 1 to column 10, 10 samples a line; write one a line, or choose",
+    ),
+    **{
+        f"recordings of a line, {form}": (
+            "".join(form.format(n % 3, ",".join(X[40 * n : 40 * n + 40])) for n in range(6)),
+            "has 6 recordings of a line by the label in each; write each into a file of its own",
+        )
+        for form in ("{0},{1}\n", "{1},{0}\n")
+    },
+    **{
+        f"JSON, {what}": (text, "is JSON; write it as CSV, one sample a line below a line of names")
+        for what, text in {
+            "rows": json.dumps(AXES.T.tolist()),
+            "rows over lines": json.dumps(AXES.T.tolist(), indent=1),
+            "objects": json.dumps([{"x": x, "y": y} for x, y in AXES[:2, :20].T]),
+            "objects over lines": json.dumps([{"x": x} for x in AXES[0]], indent=2),
+            "an object": "\n" + json.dumps({"fs": RATE, "data": AXES[0].tolist()}),
+            "lines": "".join(json.dumps({"t": t, "acc": row}) + "\n"
+                             for t, row in zip(TIMES, AXES.T.tolist(), strict=True)),
+        }.items()
+    },
     "remarks above again": (
         ("# fs=2000\n# x y z\n" + table(*XYZ, mark=" ")) * 2,
         "has '# fs=2000' above the numbers and again between them; divide it there, since",
@@ -1186,6 +1231,18 @@ TOLD = {
     ),
     "an empty line": (
         f"{ROWS}\n{ROWS}", "1 empty line stands between the numbers, which are read as one"
+    ),
+    "a clock beside that which is taken": (
+        table(clock("%H:%M:%S.%f"), times(1e3), *XYZ, names="time,cts,x,y,z\n"),
+        "unlike a signal: 'cts'; data.channels=[1,2,3] leaves them out",
+    ),
+    "numbers of sensors without a name": (
+        table(["1", "2"] * (COUNT // 2), *XYZ),
+        "unlike a signal: column 1; data.channels=[1,2,3] leaves them out",
+    ),
+    "axes behind each other": (
+        "".join(table([axis] * COUNT, cells) for axis, cells in zip("xyz", XYZ, strict=True)),
+        f"column 1 changes at sample {COUNT}: what follows each other is read as one recording",
     ),
     "a remark": (f"{ROWS}# run 2\n{ROWS}", "1 commented line stands between the numbers, "),
     "lines that repeat": ("t,x,y,z\n" + TWICE, "1 line that repeats the one before is left out"),
