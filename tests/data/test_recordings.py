@@ -294,6 +294,20 @@ def test_files_that_are_where_they_are_named_are_not_looked_for(tmp_path, monkey
     assert len(walked) == 1
 
 
+def test_spans_that_may_be_parts_are_told(tmp_path):
+    for names, told in (
+        ("start,end", 1),
+        ("Onset_s,Duration_s", 1),
+        ("start,part", 0),
+        ("end,x", 0),
+    ):
+        lines = (
+            f"label,modality,path,group,{names}\na,haptic,1.wav,0,0,0.5\nb,haptic,2.wav,0,0,0.5\n"
+        )
+        notes = read_manifest(manifest(tmp_path, lines.replace("0,0.5", "0,0-0.5"))).notes
+        assert ["and files are read whole; give a column part" in x for x in notes] == [True] * told
+
+
 def test_what_may_be_a_group_or_a_division_is_told(tmp_path):
     lines = [f"w{n % 2},{n}.wav,s{n % 3},{'test' if n > 4 else 'train'}\n" for n in range(8)]
     path = manifest(tmp_path, "label,path,session,split\n" + "".join(lines))

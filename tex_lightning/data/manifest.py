@@ -59,6 +59,12 @@ SESSIONS = re.compile(  # names of conditions that groups may be
 )
 
 
+SPAN = re.compile(  # names of conditions that parts may be
+    r"(start|stop|begin|end|onset|offset|duration)([ _]?(time|sample|index|idx|frame|s|ms))?",
+    re.IGNORECASE,
+)
+
+
 def read_manifest(path: str | Path) -> Recordings:
     r"""Read a table from CSV with the columns ``label,modality,path,group``.
 
@@ -103,6 +109,11 @@ def read_manifest(path: str | Path) -> Recordings:
             "together."
             for name in names
             if SESSIONS.fullmatch(name.casefold())
+        )
+    if PART not in names and len(spans := [name for name in names if SPAN.fullmatch(name)]) > 1:
+        notes += (
+            f"The columns {' and '.join(spans)} are conditions, and files are read whole; give a "
+            "column part, such as 0-0.5, if a part of a file is meant.",
         )
     placed = zip(rows, folds, strict=True)
     return Recordings(tuple(replace(row, fold=fold) for row, fold in placed), notes)

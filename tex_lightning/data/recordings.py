@@ -65,7 +65,9 @@ def cut_part(array: npt.NDArray[Any], part: Part | None, path: Path) -> npt.NDAr
 
 MODALITIES = ("haptic", "image", "sound")  # that the package brings; others are a user's
 NAMES = {"haptic": "trace", "image": "photo"}  # of one recording, where that has another name
-HIDDEN = (".", "~$")  # begin names of files that are nobody's; office programs write the second
+HIDDEN = (  # begin names of what is nobody's; office programs and systems write the others
+    ".", "~$", "$RECYCLE", "System Volume", "@eaDir", "lost+found",
+)  # fmt: skip
 Conditions = tuple[tuple[str, str], ...]
 
 

@@ -44,6 +44,7 @@ def crossed(*levels, ending="1.wav"):
         (crossed("oak elm", "day1 day2"), ["elm day1", "elm day2", "oak day1", "oak day2"]),
         (crossed("oak elm", "data"), ["elm elm/data/1", "oak oak/data/1"]),
         (crossed("set", "oak elm"), ["elm set/elm/1", "oak set/oak/1"]),
+        (crossed("2026", "03", "1 2", "oak elm"), ["elm 1", "elm 2", "oak 1", "oak 2"]),
         (crossed("p1 p2", "day1 day2", "oak elm"), ["elm p1", "elm p2", "oak p1", "oak p2"]),
         (crossed("oak elm", "raw filtered"), ["elm elm/raw/1", "oak oak/raw/1"]),
         (crossed("oak elm", "train test"),
@@ -66,6 +67,7 @@ def test_folders_that_are_told_apart(tmp_path, files, told):
         (("red_oak elm", "1 2"), [["elm 1", "elm 2", "red_oak 1", "red_oak 2"]]),
         (("oak elm", "2026-05", "1 2", "1 2"), [["elm 1", "elm 2", "oak 1", "oak 2"]]),
         (("oak elm", "1 2", "train test"), [["elm 1", "elm 2", "oak 1", "oak 2"]]),
+        (("oak elm", "1 2", "P1 P2"), [["elm P1", "elm P2", "oak P1", "oak P2"]]),
         (("oak elm", "1 2", "acc photo"), [["elm 1", "elm 2", "oak 1", "oak 2"]]),
         (("oak elm", "slow fast", "1 2"),
          [["elm fast", "elm slow", "oak fast", "oak slow"],
@@ -171,6 +173,8 @@ def test_folders_beside_the_classes_that_are_none_are_left_out_and_told(tmp_path
         ("1.csv 1-resampled.csv 2.csv", "1.csv 2.csv", "*resampled*"),
         ("a.jpg a_thumb.jpg b.jpg", "a.jpg b.jpg", "*thumb*"),
         ("1.wav|1 - Copy.wav|Copy of 2.wav|2.wav", "1.wav 2.wav", "*Copy*"),
+        ("1.wav|Kopie von 1.wav|2.wav", "1.wav 2.wav", "*Kopie*"),
+        ("1.png 1_flip.png 2.png 2_flip.png", "1.png 2.png", "*flip*"),
         ("1raw.csv 1filtered.csv aRaw.csv aEdited.csv", "1raw.csv aRaw.csv", "*filtered*"),
         ("raw_1.wav raw_2.wav", "raw_1.wav raw_2.wav", ""),
         ("1.csv 1_labels.csv 2.csv 2_labels.csv", "1.csv 2.csv", "*labels*"),
@@ -244,6 +248,48 @@ def test_classes_that_may_be_sessions_are_told(tmp_path, files, told):
     assert [read_as_told(tmp_path, note) for note in notes] == ([] if told is None else [[told]])
 
 
+@pytest.mark.parametrize("ends", ["left right", "L R", "pac pdc tac", "nir noflash rgb"])
+@pytest.mark.parametrize("mark", ["_", "-"])
+def test_ends_that_all_names_have_may_be_of_one_recording(tmp_path, ends, mark):
+    names = [f"{number}{mark}{end}.wav" for number in "12" for end in ends.split()]
+    touch(tmp_path, *(f"{label}/haptic/{name}" for label in ("oak", "elm") for name in names))
+    (note,) = read_folder(tmp_path).notes
+    assert f"names end in {', '.join(ends.split())}, are in groups of their own" in note
+    assert read_as_told(tmp_path, note) == [["elm 1", "elm 2", "oak 1", "oak 2"]]
+
+
+@pytest.mark.parametrize(
+    "names",
+    ["1_left 1_right 2_left", "1_P1 1_P2 2_P1 2_P2", "1_v1 1_v2 2_v1 2_v2", "a_left a_right"],
+)
+def test_ends_that_are_not_of_all_or_have_numbers_are_not_told(tmp_path, names):
+    files = (f"{label}/{name}.wav" for label in ("oak", "elm") for name in names.split())
+    assert read_folder(touch(tmp_path, *files)).notes == ()
+
+
+@pytest.mark.parametrize(
+    "form", ["oak/train{}.wav oak/test{}.wav", "elm/elm_Train_{} elm/elm_val_{}"]
+)
+def test_parts_in_the_names_of_files_are_told(tmp_path, form):
+    files = " ".join(form.format(n, n).replace(".wav", "") for n in "12").split()
+    touch(tmp_path, *(f"{file}.wav" for file in files))
+    note = read_folder(tmp_path).notes[-1]
+    assert re.match(r"The names of files have (test|train), (train|val), which folds do no", note)
+    assert read_folder(touch(tmp_path, f"{files[0]}/../other.wav")).notes == ()
+
+
+@pytest.mark.parametrize("inside", ["oak_1.csv", "oak/1.csv"])
+@pytest.mark.parametrize("sensors", ["Accel Gyro", "Gyroscope Magnetometer", "ft imu"])
+def test_folders_of_sensors_in_the_place_of_classes_are_refused(tmp_path, sensors, inside):
+    files = [f"{sensor}/{inside.replace('1', n)}" for sensor in sensors.split() for n in "12"]
+    said = (
+        f"folders {', '.join(sensors.split())} of sensors in .* data.root={tmp_path}/{sensors[:2]}"
+    )
+    with pytest.raises(UserError, match=said):
+        read_folder(touch(tmp_path, *files))
+    assert len(read_folder(touch(tmp_path, "oak/1.csv"))) >= 1
+
+
 LABELS = 'File;Material\n"1";oak\n2.wav;elm\n'
 
 
@@ -310,6 +356,9 @@ def test_flat_files_are_told_by_the_mark_that_all_names_have(tmp_path):
             "apart, train/X_train.txt",
         ),
         (["a_TRAIN.ts", "a_TEST.ts"], "Write the samples of each recording"),
+        (["oak/1.json", "elm/1.json"], r"2 \.json .*Write the samples of each recording"),
+        (["oak.npy", "elm.npy", "ash.npy"], "3 .npy .*; give their classes in a manifest"),
+        (["001.csv", "002.csv", "003.csv", "004.csv"], "; give their classes in a manifest"),
     ],
 )
 def test_all_recordings_in_one_file_are_told_how_they_become_files(tmp_path, files, said):

@@ -14,6 +14,7 @@ from tex_lightning.data.readers.path_pattern import read_names
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.errors import UserError
 from tex_lightning.studies.dataset import hold_out
+from tex_lightning_runtime.files import require_file
 
 OTHERS = "Of other kinds and not read: "
 
@@ -142,9 +143,29 @@ def test_pieces_of_a_recording_are_a_group(tmp_path):
     assert [note.partition(" by their")[0] for note in table.notes] == [
         "4 files are pieces of 2 recordings"
     ]
+    touch(tmp_path / "two", "oak/a_frame1.png", "oak/a_frame2.png", "oak/b.png", "oak/b_rot90.png")
+    assert len({row.group for row in read_folder(tmp_path / "two")}) == 2
     touch(tmp_path / "one", "oak/cut_part1.wav", "oak/cut_part2.wav", "elm/1.wav")
     table = read_folder(tmp_path / "one")
     assert (len({row.group for row in table}), table.notes) == (3, ())
+
+
+def test_folders_of_systems_and_links_to_themselves_are_no_classes(tmp_path):
+    touch(tmp_path, "oak/1.wav", "$RECYCLE.BIN/1.wav", "System Volume Information/1.wav")
+    touch(tmp_path, "elm/1.wav", "@eaDir/1.wav", "lost+found/1.wav")
+    (tmp_path / "elm" / "2.wav").symlink_to(tmp_path / "elm" / "2.wav")
+    (tmp_path / "elm" / "all").symlink_to(tmp_path)
+    table = read_folder(tmp_path)
+    assert table.classes == ["elm", "oak"]
+    with pytest.raises(UserError, match=r"2\.wav is a folder, a device, a pipe or a broken link"):
+        require_file(table.of("haptic").rows[1].path)
+
+
+def test_a_phones_description_beside_its_samples_is_not_told_as_recordings(tmp_path):
+    files = ("Raw Data.csv", "meta/device.csv", "meta/time.csv")
+    touch(tmp_path, *(f"oak/{place}/{file}" for place in ("rec1", "rec2") for file in files))
+    table = read_folder(tmp_path)
+    assert ([row.path.name for row in table], table.notes) == (["Raw Data.csv"] * 2, ())
 
 
 def test_archives_are_to_be_unpacked(tmp_path):
@@ -168,10 +189,10 @@ def test_parts_in_the_place_of_classes_are_told_with_the_pattern_that_reads_them
 
 def test_a_text_about_recordings_is_none(tmp_path):
     touch(tmp_path, "a/1.csv", "a/README.txt", "b/haptic/1.csv", "b/haptic/readme.txt")
-    touch(tmp_path, "a/metadata.csv", "b/haptic/labels.csv")
+    touch(tmp_path, "a/metadata.csv", "b/haptic/labels.csv", "a/calibration.csv")
     table = read_folder(tmp_path)
     assert [row.path.name for row in table] == ["1.csv", "1.csv"]
-    assert [note.partition(" (")[0] for note in table.notes] == [f"{OTHERS}2 .txt, 2 .csv"]
+    assert [note.partition(" (")[0] for note in table.notes] == [f"{OTHERS}3 .csv, 2 .txt"]
 
 
 def test_spellings_that_look_alike_are_one_class(tmp_path):

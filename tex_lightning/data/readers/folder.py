@@ -27,7 +27,13 @@ from tex_lightning.data.readers.layout import (
     is_sense,
     tables_of_labels,
 )
-from tex_lightning.data.readers.siblings import check_sensors, labels_apart, without_versions
+from tex_lightning.data.readers.siblings import (
+    check_sensor_folders,
+    check_sensors,
+    labels_apart,
+    parts_apart,
+    without_versions,
+)
 from tex_lightning.data.recordings import (
     MODALITIES,
     Recording,
@@ -44,7 +50,8 @@ from tex_lightning_runtime.traces import TRACE_SUFFIXES, axis_files, stands_for_
 
 SYSTEMS = ("Thumbs.db", "desktop.ini")  # files that are nobody's
 PIECE = re.compile(  # ends of names of what was cut from one recording
-    r"[_. -](seg(ment)?|chunk|part|win(dow)?|slice|clip|piece|crop|patch|tile|aug)s?[_. -]?\d+$",
+    r"[_. -](seg(ment)?|chunk|part|win(dow)?|slice|clip|piece|crop|patch|tile|frame|aug|rot)s?"
+    r"[_. -]?\d+$",
     re.IGNORECASE,
 )
 MAX_KINDS = 6
@@ -62,12 +69,13 @@ CURES = {
     **dict.fromkeys((".bag", ".db3", ".mcap"), TO_ARRAYS),
     **dict.fromkeys((".parquet", ".feather", ".pkl", ".pickle", ".tdms", ".c3d"), TO_ARRAYS),
     **dict.fromkeys((".edf", ".bdf", ".arrow", ".nc", ".bin"), TO_ARRAYS),
-    **dict.fromkeys((".ts", ".arff"), TO_ARRAYS),
+    **dict.fromkeys((".ts", ".arff", ".json", ".jsonl", ".cbor", ".xml"), TO_ARRAYS),
     **dict.fromkeys((".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".7z", ".rar"), TO_FILES),
     **dict.fromkeys((".dat", ".log", ".asc", ".prn"), TO_TEXT),
     **dict.fromkeys((".heic", ".heif", ".avif", ".gif", ".jp2", ".jxl"), TO_PHOTO),
     **dict.fromkeys((".raw", ".dng", ".cr2", ".cr3", ".nef", ".arw"), TO_PHOTO),
 }  # of files that are not read, by suffix
+ABOUT = (".json", ".xml")  # which beside recordings are about these
 BESIDE = {"haptic": TRACE_SUFFIXES, "image": IMAGE_SUFFIXES}  # of files in the folder of a class
 
 
@@ -125,11 +133,11 @@ def read_folder(root: str | Path) -> Recordings:
         recordings = _read_class(directory, notes)
         deep = _deeper(directory, recordings)
         others += (path for path in _others(directory, recordings) if path not in deep)
-        deeper += deep
+        deeper += (path for path in deep if path.parent.name.casefold() not in META)
         if not deep and not recordings:
             notes.append(f"Class folder {directory} is skipped: it has no trace and no photo.")
         rows += recordings
-    cures = _cures(others)
+    cures = _cures([path for path in others if not rows or path.suffix.lower() not in ABOUT])
     counted = [f"Of other kinds and not read: {count_kinds(others)}.{cures}"] if others else []
     if not rows:
         raise UserError(_nothing_in(root, others, counted))
@@ -144,7 +152,8 @@ def read_folder(root: str | Path) -> Recordings:
         notes.append(f"Too deep and not read: {count_kinds(deeper)}; {advise(root, deeper)}.")
     check_sensors(root, rows)
     table = without_versions(root, rows)
-    return Recordings(table.rows, (*notes, *counted, *table.notes, *doubts(root, table.rows)))
+    notes += (*counted, *table.notes, *doubts(root, table.rows), *parts_apart(root, table.rows))
+    return Recordings(table.rows, tuple(notes))
 
 
 def _class_folders(root: Path, notes: list[str]) -> list[Path]:
@@ -159,6 +168,7 @@ def _class_folders(root: Path, notes: list[str]) -> list[Path]:
     classes = [folder for folder in folders if folder not in aside and folder not in instead]
     if all(is_sense(folder.name) for folder in classes):
         classes, instead = [], [*instead, *classes]
+    check_sensor_folders(root, classes)
     if not classes and (len(instead) > 1 or any(is_sense(folder.name) for folder in instead)):
         paths = [path for folder in instead for path in _deeper(folder, ()) or _recorded(folder)]
         if paths:
@@ -203,10 +213,11 @@ def _nothing_in(root: Path, others: Sequence[Path], counted: Sequence[str]) -> s
             "(docs/data.md, Recordings in one file)."
         )
     if recorded:
+        patterns = flat_patterns(recorded)
+        told = f"{by_pattern(root, *patterns)}, or with a pattern that fits their names better"
+        remedy = told if patterns else "give their classes in a manifest (docs/data.md, Manifest)"
         return (
-            f"Folder {root} has no folder for each class: it holds {count_kinds(flat)}; "
-            f"{by_pattern(root, *flat_patterns(recorded))}, or with a pattern that fits their "
-            "names better."
+            f"Folder {root} has no folder for each class: it holds {count_kinds(flat)}; {remedy}."
         )
     said = (
         f"Folder {root} holds no recordings; put traces in {root}/CLASS/haptic "

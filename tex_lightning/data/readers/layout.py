@@ -11,6 +11,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from tex_lightning.core.files import resolved
 from tex_lightning.data.manifest import META, names_recordings
 from tex_lightning.data.recordings import MODALITIES, Recording, Recordings, is_hidden, sense_called
 from tex_lightning.errors import inflected, listed
@@ -28,14 +29,15 @@ PLAIN = {"raw", "original", "originals", "orig", "unfiltered"}
 VERSIONS = PLAIN | {  # of one recording
     "filtered", "filt", "lowpass", "highpass", "bandpass", "smoothed", "denoised", "cleaned",
     "processed", "preprocessed", "normalized", "normalised", "resampled", "downsampled", "cropped",
-    "trimmed", "augmented", "resized", "thumb", "thumbs", "thumbnail", "edited", "copy",
-    "kopie", "bak", "fft", "psd", "spectrum", "spectrogram", "features", "labels", "annotations",
-    "timestamps", "meta", "metadata", "info", "notes",
+    "trimmed", "augmented", "flip", "flipped", "mirrored", "rotated", "resized", "thumb", "thumbs",
+    "thumbnail", "edited", "copy", "kopie", "bak", "fft", "psd", "spectrum", "spectrogram",
+    "features", "labels", "annotations", "timestamps", "meta", "metadata", "info", "notes",
 }  # fmt: skip
 FILLERS = {"data", "dataset", "set", "recordings", "samples", "files", "folder", "of"}
 READ_ME = {  # text and tables beside recordings, of any suffix
     "readme", "read_me", "readme_first", "license", "metadata", "index", "labels", "manifest",
-    "notes", "note", "annotation", "annotations", "comments", "description", "protocol", "summary",
+    "notes", "note", "calibration", "calib", "annotation", "annotations", "comments",
+    "description", "protocol", "summary",
 }  # fmt: skip
 SEPARATORS = "_- "
 MEANT = {  # names of folders and of modalities that are none of the package's
@@ -117,7 +119,7 @@ def rename(modalities: Iterable[str]) -> str:
 
 def _named_in(root: Path, paths: Sequence[Path]) -> str:
     """Say which table in a folder names some of the recordings and their classes; empty if none."""
-    known = {path.resolve() for path in paths}
+    known = {resolved(path) for path in paths}
     tables = (table for table in tables_of_labels(root) if {row.path for row in table} & known)
     return next((table.notes[-1] for table in tables), "")
 
@@ -136,18 +138,17 @@ def _levels_of_classes(levels: Sequence[Sequence[str]]) -> list[int | None]:
 
 def _tokens(levels: Sequence[Sequence[str]], classes: int | None) -> list[str]:
     """Return the part of a pattern that stands for each level of folders."""
-    tokens = []
+    tokens = ["{split}" if _are(names, SPLITS) else "*" for names in levels]
+    free = []
     for at, names in enumerate(levels):
         if at == classes:
-            token = "{label}"
-        elif _are(names, SPLITS):
-            token = "{split}"
+            tokens[at] = "{label}"
         elif _are(names, VERSIONS):
-            token = min(names, key=lambda name: not is_called(name, PLAIN))
-        else:
-            said = "{group}" not in tokens and (len(names) > 1 or _are_numbered(names))
-            token = "{group}" if said else "*"
-        tokens.append(token)
+            tokens[at] = min(names, key=lambda name: not is_called(name, PLAIN))
+        elif tokens[at] == "*" and (len(names) > 1 or _are_numbered(names)):
+            free.append(at)
+    for at in sorted(free, key=lambda n: (len(levels[n]) == 1, not _are_people(levels[n])))[:1]:
+        tokens[at] = "{group}"
     return tokens
 
 
@@ -181,6 +182,11 @@ def _are_numbered(names: Sequence[str]) -> bool:
     )
 
 
+def _are_people(names: Sequence[str]) -> bool:
+    """Return whether names are such as ``P01`` and ``P02`` rather than ``1`` and ``2``."""
+    return _are_numbered(names) and names[0][:1].isalpha()
+
+
 def is_sense(part: str) -> bool:
     """Return whether a folder is called as one of the package's senses, or may mean one."""
     return sense_called(part.casefold()) in MODALITIES or bool(_meant(part))
@@ -210,15 +216,15 @@ def flat_patterns(paths: Sequence[Path]) -> list[tuple[Sequence[str], str]]:
     """Return patterns of the names of files in one folder, with the classes where in doubt.
 
     If all names have as many parts, as ``P01_oak_3``, each is taken as a level of folders would be.
-    Else they are a class, a separator if any, and a number.
+    Else they are a class, a separator if any, and a number; there is no pattern of mere words.
     """
     stems, suffixes = [path.stem for path in paths], {path.suffix for path in paths}
     ending = paths[0].suffix if len(suffixes) == 1 else ".*"
-    usual = "" if all(re.search(r"\D\d+$", stem) for stem in stems) else "_"
+    numbered = all(re.search(r"\D\d+$", stem) for stem in stems)
     mark = next((mark for mark in SEPARATORS if all(mark in stem for stem in stems)), "")
     divided = [stem.split(mark) for stem in stems] if mark else []
     told = _by_parts(divided, mark) if len({*map(len, divided)}) == 1 else []
-    patterns = told or [([], f"{{label}}{mark or usual}{{group}}")]
+    patterns = told or ([([], f"{{label}}{mark}{{group}}")] if mark or numbered else [])
     return [(classes if len(told) > 1 else (), pattern + ending) for classes, pattern in patterns]
 
 
@@ -250,7 +256,7 @@ def doubts(root: Path, rows: Sequence[Recording]) -> list[str]:
 
 
 def _labels_otherwise(root: Path, rows: Sequence[Recording]) -> Iterable[str]:
-    labels = {row.path.resolve(): row.label for row in rows}
+    labels = {resolved(row.path): row.label for row in rows}
     for table in tables_of_labels(root):
         if any(labels.get(row.path, row.label) != row.label for row in table):
             yield f"Classes are the names of folders, but {table.notes[-1]}, and it has others."
@@ -281,9 +287,9 @@ def _sessions_as_classes(root: Path, rows: Sequence[Recording]) -> list[str]:
     if 1 < len(stems) <= len(names) / 2 and all(re.search(r"\d$", name) for name in names):
         pattern = f"{{label}}{tail}{{group}}/{inside}*{path.suffix}"
         return [f"{listed(names)} are classes of their own; {by_pattern(root, (stems, pattern))}."]
-    if crossed := _crossed(names):
-        pattern = f"{{label}}{crossed[1]}{{group}}/{inside}*{path.suffix}"
-        told = by_pattern(root, (crossed[0], pattern))
+    if found := crossed(names):
+        pattern = f"{{label}}{found[1]}{{group}}/{inside}*{path.suffix}"
+        told = by_pattern(root, (found[0], pattern))
         return [f"{listed(names)} are classes of their own; {told}."]
     files: dict[str, set[str]] = defaultdict(set)
     for row in rows:
@@ -299,12 +305,12 @@ def _sessions_as_classes(root: Path, rows: Sequence[Recording]) -> list[str]:
     return []
 
 
-def _crossed(names: Sequence[str]) -> tuple[list[str], str] | None:
-    """Return what oak_wet, oak_dry, elm_wet, ... begin with, and the mark before their ends."""
+def crossed(names: Sequence[str]) -> tuple[list[str], str, tuple[str, ...]] | None:
+    """Return with what oak_wet, oak_dry, elm_wet, ... begin, the mark behind it, and their ends."""
     for mark in SEPARATORS:
         heads, ends = ({name.rpartition(mark)[at] for name in names} for at in (0, 2))
         if "" not in heads and 1 < len(heads) < len(names) == len(heads) * len(ends):
-            return sorted(heads), mark
+            return sorted(heads), mark, tuple(sorted(ends))
     return None
 
 

@@ -5,9 +5,9 @@ from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
-from tex_lightning.data.readers.layout import PLAIN, VERSIONS, advise, words
+from tex_lightning.data.readers.layout import PLAIN, SPLITS, VERSIONS, advise, crossed, words
 from tex_lightning.data.recordings import Recording, Recordings
-from tex_lightning.errors import UserError, inflected
+from tex_lightning.errors import UserError, inflected, listed
 
 SENSOR = re.compile(
     r"(?<![a-z])(?:acc|accel[a-z]*|gyro[a-z]*|mag|magnet[a-z]*|gravity|orientation|force|torque|pressure"
@@ -16,6 +16,20 @@ SENSOR = re.compile(
     re.IGNORECASE,
 )  # in the names of files beside each other
 NUMBERED = re.compile(r"(?<![a-z])(?:ch|chan|channel|axis|sensor|mic)\d+", re.IGNORECASE)
+
+
+def check_sensor_folders(root: Path, folders: Sequence[Path]) -> None:
+    """Reject folders of classes that are all called as sensors.
+
+    Raises:
+        UserError: Naming them.
+    """
+    if len(folders) > 1 and all(SENSOR.fullmatch(folder.name) for folder in folders):
+        raise UserError(
+            f"Folder {root} has the folders {listed([folder.name for folder in folders])} of "
+            f"sensors in the place of classes; give one of them, such as data.root={folders[0]}, "
+            "or write the columns of one recording into one file."
+        )
 
 
 def check_sensors(root: Path, rows: Sequence[Recording]) -> None:
@@ -57,7 +71,9 @@ def without_versions(root: Path, rows: Sequence[Recording]) -> Recordings:
     for row in rows:
         named = words(row.path.relative_to(root).with_suffix("").as_posix())
         said = frozenset(named) & VERSIONS
-        plain = tuple(word for word in named if word not in said and not (said and word == "of"))
+        plain = tuple(
+            word for word in named if word not in said and not (said and word in ("of", "von"))
+        )
         same = versions[row.label, row.modality, row.conditions, plain]
         same.setdefault(said, []).append(row)
     left: set[Recording] = set()
@@ -80,6 +96,42 @@ def without_versions(root: Path, rows: Sequence[Recording]) -> Recordings:
     instead = f"to take them instead, {advise(root, [first.path], name)}"
     note = f"{files}, such as {first.path}; {instead}."
     return Recordings(table.rows, (note,))
+
+
+def parts_apart(root: Path, rows: Sequence[Recording]) -> list[str]:
+    """Say which files may be parts of one recording, or of a test, by the ends of their names."""
+    return [*_ends_alike(root, rows), *_splits(rows)]
+
+
+def _ends_alike(root: Path, rows: Sequence[Recording]) -> list[str]:
+    """Say of ``1_left`` and ``1_right`` in every class that they may be of one recording."""
+    files: dict[str, dict[str, list[Path]]] = defaultdict(lambda: defaultdict(list))
+    for row in rows:
+        files[row.modality][row.label].append(row.path)
+    for classes in files.values():
+        found = [crossed([path.stem for path in paths]) for paths in classes.values()]
+        alike = {each and each[1:] for each in found}
+        mark, ends = (len(alike) == 1 and alike.pop()) or ("", ())
+        if ends and not re.search(r"\d", "".join(ends)):
+            paths = [path for each in classes.values() for path in each]
+            return [
+                f"{paths[0]} and others, whose names end in {listed(ends)}, are in groups of their "
+                "own; if those of one beginning are parts of one recording, "
+                f"{advise(root, paths, f'{{group}}{mark}{{take}}')}."
+            ]
+    return []
+
+
+def _splits(rows: Sequence[Recording]) -> list[str]:
+    """Say that the names of files have ``train`` and ``test``, where all have one."""
+    said = [SPLITS & {*words(row.path.stem)} for row in rows]
+    found = sorted(set().union(*said))
+    if not all(said) or len(found) < 2:
+        return []
+    return [
+        f"The names of files have {', '.join(found)}, which folds do not follow; give these in a "
+        "column split of a manifest, and test by data.test_where (docs/evaluate.md)."
+    ]
 
 
 def labels_apart(root: Path, files: Sequence[Path]) -> str:
