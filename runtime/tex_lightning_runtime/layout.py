@@ -237,19 +237,23 @@ def _with_heading(
     above = [line for line in head[:start] if line.strip("-+=|,;: \t")]  # and no line between
     notes: list[str] = []
     above = with_statements(above, dialect, columns.count)
+    decimal, thousands = decimal_mark(
+        [cell for cell in column if kind(cell) == "number"]
+        for column in zip(*columns.rows, strict=True)
+    )
     heading, rate = [names], None
     if not names:
         listed = _lists_settings(above, dialect, columns, apart=not head[start - 1].strip())
         heading, rate = read_heading(above, dialect, columns, notes, listed=listed)
     left = head[start : start + SAMPLE] if columns.empty else []  # of the numbers
     below_titles = (f"{a} {b}" for a, b in pairwise(above) if a.rstrip().endswith(":"))
-    rate = rate or stated_rate([*above, *left, *below_titles])
+    rate = rate or stated_rate([*above, *left, *below_titles], decimal)
     if factor := next((line.strip() for line in above if FACTOR.fullmatch(line.strip())), ""):
         raise TableError(f"has numbers that {factor!r} is to multiply; write them in full")
     count = SAMPLES.search("\n".join(above))
     if names and above and re.search(r"[:=]\s*[-+.\d]", above[-1]) and not rate:
         notes.append(f"an incomplete line of numbers is left out: {above[-1].strip()[:40]!r}")
-    notes += rate_doubts(above, columns.rows, rate)
+    notes += rate_doubts(above, columns.rows, rate, decimal)
     first = dialect.cells(head[start])
     titled = heading and (names or len(dialect.cells(above[-1])) == columns.count)  # or prose is
     if not titled and is_numbering(first, columns.rows):
@@ -262,10 +266,6 @@ def _with_heading(
     _check_decimal(columns)
     place = len("\n".join(head[:start]).encode()) + (start > 0)
     data, below = without_footer(content[place:], dialect, columns)
-    decimal, thousands = decimal_mark(
-        [cell for cell in column if kind(cell) == "number"]
-        for column in zip(*columns.rows, strict=True)
-    )
     plain = without_comments(data)
     told, again = _between(data, plain, above)
     named, units = names_and_units(heading)

@@ -19,8 +19,8 @@ DRIVEN = re.compile(  # a frequency that is not that of the samples
 BARE = re.compile(r"\W*freq", re.IGNORECASE)
 LONG = 0.05  # s, from which on a time of sampling is that of the whole
 ROUND = 25  # Hz, of which a rate that nothing calls so is a multiple
-VALUE = r"(?P<value>\.?\d[\d.,]*(?:e[-+]?\d+)?)"
-AMOUNT = rf"[\"']?[ \t:=,;@]+(?:is |- )?[\"']?\+?{VALUE}[\"']?[ \t,;(]*"
+VALUE = r"(?P<value>\d{1,3}(?:[ '’\u00a0\u202f]\d{3})+(?= ?k?hz)|\.?\d[\d.,]*(?:e[-+]?\d+)?)"
+AMOUNT = rf"[\"']?[ \t:=,;@]+(?:is |was |of |- )?[\"']?\+?{VALUE}[\"']?[ \t,;(]*"
 SAMPLING = r"(?:samp\w*|update|output(?:[ _-]data)?|acq\w*|meas\w*|scan|log\w*)"
 HERTZ = (
     r"[km]?hz|kilohertz|[km]?s/s|[km]?sps|fps|samples ?(?:/|per )s\w*"
@@ -59,6 +59,7 @@ PERIOD = re.compile(
     rf"(?P<unit>{SECONDS})?",
     re.IGNORECASE,
 )
+THREE_DIGITS = re.compile(r"(?<![\d.,])[1-9]\d{1,2}[.,]\d{3} ?Hz", re.IGNORECASE)  # 20.000 Hz
 
 
 def lone_rate(cell: str, rows: Sequence[Sequence[str]], notes: list[str]) -> float | None:
@@ -79,35 +80,39 @@ def lone_rate(cell: str, rows: Sequence[Sequence[str]], notes: list[str]) -> flo
 
 
 def rate_doubts(
-    lines: Sequence[str], rows: Sequence[Sequence[str]], rate: float | None
+    lines: Sequence[str], rows: Sequence[Sequence[str]], rate: float | None, decimal: str
 ) -> list[str]:
     """Say of lines above the numbers that they may state another rate in Hz than is taken."""
     if not rate:
         told = "stands alone above the names; if it is the rate, give data.file_rate="
         return [f"{n!r} {told}{n}" for n in map(str.strip, lines) if lone_rate(n, rows, [])]
     told = f"may change the rate of {rate:,.6g} Hz; if it does, write fs=RATE in place of both"
-    return [
-        f"{line.strip()[:40]!r} {told}"
-        for line in lines
-        if DIVIDED.search(line) or not isclose(_stated(RATE, line) or rate, rate, rel_tol=NOMINAL)
-    ]
+    doubts = []
+    for line in lines:
+        stated = _stated(RATE, line, decimal) or rate
+        if DIVIDED.search(line) or not isclose(stated, rate, rel_tol=NOMINAL):
+            doubts.append(f"{line.strip()[:40]!r} {told}")
+        elif decimal == "," and THREE_DIGITS.search(line):
+            doubts.append(f"{line.strip()[:40]!r} is read as {stated:,.6g} Hz; else write fs=RATE")
+    return doubts
 
 
-def stated_rate(lines: Sequence[str]) -> float | None:
+def stated_rate(lines: Sequence[str], decimal: str = ".") -> float | None:
     """Return the rate in Hz that lines state, if they do; a period may be that of the whole.
 
-    A bare frequency below words of an excitation or a filter is none.
+    A bare frequency below words of an excitation or a filter is none. ``decimal`` is the mark of
+    the numbers below: with a comma, 200,000 are two hundred.
     """
     driven = next((n for n, line in enumerate(lines) if DRIVEN.search(line)), len(lines))
     others = [line for n, line in enumerate(lines) if n < driven or not BARE.match(line)]
     ways = ((RATE, lines), (PERIOD, lines), (OTHER_RATE, others))
-    return next(filter(None, (_stated(how, each) for how, said in ways for each in said)), None)
+    return next(filter(None, (_stated(how, x, decimal) for how, said in ways for x in said)), None)
 
 
-def _stated(how: re.Pattern[str], line: str) -> float | None:
+def _stated(how: re.Pattern[str], line: str, decimal: str) -> float | None:
     """Return the rate in Hz that a line states as a rate or as a period."""
     found = how.search(f" {line}")
-    value = amount(found["value"]) if found else None
+    value = amount(found["value"], decimal) if found else None
     if found is None or not value:
         return None
     unit = (found["unit"] or found["before"] or "").replace("µ", "μ").casefold()
@@ -119,15 +124,23 @@ def _stated(how: re.Pattern[str], line: str) -> float | None:
         return 1 / period if period and not whole else None
     if NO_RATE.fullmatch(unit or re.findall(r"^\w*", found.string[found.end() :])[0]):
         return None  # FS: 4 g
-    grouped = value < MIN_RATE and POINTS.fullmatch(found["value"])  # 1.000 Hz in Germany
+    if unit.startswith("k"):
+        return value * 1000
+    grouped = value < MIN_RATE and (
+        POINTS.fullmatch(found["value"]) or THOUSANDS.fullmatch(found["value"])
+    )
     large = 1e6 if re.match("mhz|ms", unit) else 1 / 60 if unit.endswith("min") else 1
-    return value * (1000 if grouped or unit.startswith("k") else large)
+    return value * (1000 if grouped else large)  # 1.000 Hz in Germany
 
 
-def amount(text: str) -> float | None:
-    """Return the first number of a text, with whatever signs it has; None of none."""
-    text = text.rstrip(".,")
-    decimal, group = (".", ",") if THOUSANDS.fullmatch(text) else decimal_mark([[text]])
+def amount(text: str, decimal: str = ".") -> float | None:
+    """Return the first number of a text, with whatever signs it has; None of none.
+
+    ``decimal`` is the mark of numbers beside it.
+    """
+    text = re.sub(r"[\s'’]", "", text.rstrip(".,"))
+    grouped = decimal == "." and THOUSANDS.fullmatch(text)
+    decimal, group = (".", ",") if grouped else decimal_mark([[text]])
     plain = text.replace(group or " ", "").replace(decimal, ".")
     first, _, rest = text.partition(",")
     for each in (plain, first) if {first} != {*rest.split(",")} else (first,):  # of columns

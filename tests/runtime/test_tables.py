@@ -162,6 +162,7 @@ READ = {
             "Excitation: sine\nFrequency: 50 Hz\nSampling rate: 2000", "Filter\nRate: 2000 Hz",
             "Frequency: 50 Hz\nSampling rate: 2000 Hz", "Sample time: 0.12 s\nRate: 2000",
             "Frequency: 2000\nFilter: 50 Hz",
+            "Sampling rate: 2 000 Hz", "Sampled in the lab at a sampling rate of 2000 Hz by A",
             "Sample rate: 0.002 MHz", "Sample rate: 0.002 MS/s", "Sample rate: 0.5 ms",
             "Sampling interval (ms),0.5", "Sampling rate: 2000 s^-1", "Sampling rate (max): 2000",
             "2000 Hz", "# a b c @2000Hz", "Created on 1/3/2026 at 2000 Hz by A", "0.5 msec/sample",
@@ -375,6 +376,16 @@ READ = {
         RATE
     ),
     "German marks in a rate": ("Abtastrate: 2.000,00 Hz\nx;y;z\n" + table(*COMMAS, mark=";"), RATE),
+    **{
+        f"{stated} beside decimal commas": (
+            f"{stated}\nx;y;z\n" + table(*COMMAS, mark=";"), rate
+        )
+        for stated, rate in {
+            "Abtastrate: 200,000 Hz": 200, "fs=200,000": 200, "Abtastrate: 2.000 Hz": RATE,
+            "Abtastrate: 1,344 kHz": 1344, "Abtastintervall: 5,000 ms": 200,
+            "Sampling rate: 2,000 Hz": RATE, "Sampling rate: 52.734 Hz": 52.734,
+        }.items()
+    },
     "German interval": ("Abtastintervall: 0,5 ms\nx;y;z\n" + table(*COMMAS, mark=";"), RATE),
     "a rate in a sentence": ("# 240 samples at 2000 Hz, 3 sensors\n" + table(*XYZ), RATE),
     "a unit within the name of the rate": ("# sensor=A fs_hz=2000 range_g=8\n" + table(*XYZ), RATE),
@@ -1222,6 +1233,10 @@ TOLD = {
         "'Decimation: 4' may change the rate of 8,000 Hz; if it does, write fs=RATE in place of b",
     ),
     "two rates": ("Sampling rate: 2000 Hz\nOutput rate: 500 Hz\nx,y\n" + table(X, Y), "'Output ra"),
+    "a rate of three digits behind its mark, beside decimal commas": (
+        "Abtastrate: 20.000 Hz\nx;y;z\n" + table(*COMMAS, mark=";"),
+        "'Abtastrate: 20.000 Hz' is read as 20 Hz; else write fs=RATE",
+    ),
     "a lone number far above": (
         "Devices\n1000\n,Acc,\nFrame,x,y\n" + table(COUNTER, X, Y),
         "'1000' stands alone above the names; if it is the rate, give data.file_rate=1000",
