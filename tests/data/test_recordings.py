@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tex_lightning.data.manifest import read_manifest, write_manifest
 from tex_lightning.data.readers import checked_table
-from tex_lightning.data.recordings import Recording, Recordings, cut_part, overlap
+from tex_lightning.data.recordings import Recording, Recordings, cut_part, overlap, with_one_name
 from tex_lightning.errors import UserError
 
 HEADER = "label,modality,path,group\n"
@@ -320,3 +320,19 @@ def test_what_may_be_a_group_or_a_division_is_told(tmp_path):
     path.write_text(path.read_text().replace("split", "fold").replace("session", "group"))
     notes = read("data=manifest", f"data.manifest={path}").notes
     assert not any("condition" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("names", "told"),
+    [
+        ("Oak oak elm", 1), ("oak-1 oak_1", 1), ("tile tiles", 1), ("oak old_oak elm", 0),
+        ("oak|oak - Copy", 1), ("oak|oak (2)|elm", 1), ("oak oak_old elm elm_old", 2),
+        ("oak_1 oak_2", 0), ("glass grass", 0),
+    ],
+)  # fmt: skip
+def test_classes_that_may_be_one_are_told(names, told):
+    labels = names.split("|" if "|" in names else None)
+    rows = [Recording(label, "haptic", Path(f"{label}.wav"), label) for label in labels]
+    table = with_one_name(Recordings(tuple(rows)))
+    assert {*table.classes} == {*labels}
+    assert ["are classes of their own, and" in note for note in table.notes] == [True] * told

@@ -68,6 +68,7 @@ NAMES = {"haptic": "trace", "image": "photo"}  # of one recording, where that ha
 HIDDEN = (  # begin names of what is nobody's; office programs and systems write the others
     ".", "~$", "$RECYCLE", "System Volume", "@eaDir", "lost+found",
 )  # fmt: skip
+COPY = re.compile(r"(?: (?:copy|kopie|copia|old|new|backup|\(\d+\)))+$")  # of a folder
 Conditions = tuple[tuple[str, str], ...]
 
 
@@ -191,10 +192,11 @@ def with_one_name(recordings: Recordings) -> Recordings:
     ]
     near: dict[str, set[str]] = defaultdict(set)
     for label in spellings:
-        near[re.sub(r"[\s_-]+", " ", label.casefold())].add(label)
+        plain = COPY.sub("", re.sub(r"[\s_-]+", " ", label.casefold())).removesuffix("s")
+        near[plain].add(label)
     notes += [
-        f"{listed(sorted(several))} are classes of their own, and differ in capitals or separators "
-        "alone; give them one name if they are one."
+        f"{listed(sorted(several))} are classes of their own, and differ in capitals, separators, "
+        "a plural or a word such as copy alone; give them one name if they are one."
         for several in near.values()
         if len(several) > 1
     ]
@@ -208,9 +210,10 @@ def class_indices(labels: Iterable[str], classes: Sequence[str]) -> list[int]:
 
 
 def sense_called(name: str) -> str:
-    """Return the modality of the package that a name means in any case or plural, else the name."""
-    plain = name.casefold().removesuffix("s")
-    return plain if plain in MODALITIES else name
+    """Return the modality of the package that a name means (``Haptic data``), or the name."""
+    plain = re.sub(r"[\s_-]+(?:data|files|recordings)$", "", name.strip().casefold())
+    known = plain.removesuffix("s")
+    return known if known in MODALITIES else name
 
 
 def is_hidden(path: Path, root: Path) -> bool:

@@ -175,6 +175,8 @@ def test_folders_beside_the_classes_that_are_none_are_left_out_and_told(tmp_path
         ("1.wav|1 - Copy.wav|Copy of 2.wav|2.wav", "1.wav 2.wav", "*Copy*"),
         ("1.wav|Kopie von 1.wav|2.wav", "1.wav 2.wav", "*Kopie*"),
         ("1.png 1_flip.png 2.png 2_flip.png", "1.png 2.png", "*flip*"),
+        ("1.png 1_HDR.png 2.png 2_HDR.png", "1.png 2.png", "*HDR*"),
+        ("1.png 1_mask.png", "1.png", "*mask*"),
         ("1raw.csv 1filtered.csv aRaw.csv aEdited.csv", "1raw.csv aRaw.csv", "*filtered*"),
         ("raw_1.wav raw_2.wav", "raw_1.wav raw_2.wav", ""),
         ("1.csv 1_labels.csv 2.csv 2_labels.csv", "1.csv 2.csv", "*labels*"),

@@ -23,8 +23,10 @@ OTHERS = "Of other kinds and not read: "
     ("files", "expected", "notes"),
     [
         pytest.param(
-            ["a/Haptic/1.wav", "a/haptics/3.wav", "a/IMAGES/1.jpg", "a/haptic/.hidden.wav"],
-            ["a haptic 0 1.wav", "a haptic 1 3.wav", "a image 0 1.jpg"],
+            ["a/Haptic/1.wav", "a/haptics/3.wav", "a/IMAGES/1.jpg", "a/haptic/.hidden.wav",
+             "a/haptic /4.wav", "a/Image data/2.jpg"],
+            ["a haptic 0 1.wav", "a haptic 1 3.wav", "a haptic 2 4.wav", "a image 0 1.jpg",
+             "a image 1 2.jpg"],
             [],
             id="any case, in the plural",
         ),
@@ -144,6 +146,7 @@ def test_pieces_of_a_recording_are_a_group(tmp_path):
         "4 files are pieces of 2 recordings"
     ]
     touch(tmp_path / "two", "oak/a_frame1.png", "oak/a_frame2.png", "oak/b.png", "oak/b_rot90.png")
+    touch(tmp_path / "two", "oak/b_BURST002.png")
     assert len({row.group for row in read_folder(tmp_path / "two")}) == 2
     touch(tmp_path / "one", "oak/cut_part1.wav", "oak/cut_part2.wav", "elm/1.wav")
     table = read_folder(tmp_path / "one")
@@ -189,7 +192,7 @@ def test_parts_in_the_place_of_classes_are_told_with_the_pattern_that_reads_them
 
 def test_a_text_about_recordings_is_none(tmp_path):
     touch(tmp_path, "a/1.csv", "a/README.txt", "b/haptic/1.csv", "b/haptic/readme.txt")
-    touch(tmp_path, "a/metadata.csv", "b/haptic/labels.csv", "a/calibration.csv")
+    touch(tmp_path, "a/metadata.csv", "b/haptic/info.csv", "a/calibration.csv")
     table = read_folder(tmp_path)
     assert [row.path.name for row in table] == ["1.csv", "1.csv"]
     assert [note.partition(" (")[0] for note in table.notes] == [f"{OTHERS}3 .csv, 2 .txt"]

@@ -50,8 +50,8 @@ from tex_lightning_runtime.traces import TRACE_SUFFIXES, axis_files, stands_for_
 
 SYSTEMS = ("Thumbs.db", "desktop.ini")  # files that are nobody's
 PIECE = re.compile(  # ends of names of what was cut from one recording
-    r"[_. -](seg(ment)?|chunk|part|win(dow)?|slice|clip|piece|crop|patch|tile|frame|aug|rot)s?"
-    r"[_. -]?\d+$",
+    r"[_. -](seg(ment)?|chunk|part|win(dow)?|slice|clip|piece|crop|patch|tile|frame|burst|aug"
+    r"|rot)s?[_. -]?\d+$",
     re.IGNORECASE,
 )
 MAX_KINDS = 6

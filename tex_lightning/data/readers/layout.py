@@ -29,15 +29,16 @@ PLAIN = {"raw", "original", "originals", "orig", "unfiltered"}
 VERSIONS = PLAIN | {  # of one recording
     "filtered", "filt", "lowpass", "highpass", "bandpass", "smoothed", "denoised", "cleaned",
     "processed", "preprocessed", "normalized", "normalised", "resampled", "downsampled", "cropped",
-    "trimmed", "augmented", "flip", "flipped", "mirrored", "rotated", "resized", "thumb", "thumbs",
-    "thumbnail", "edited", "copy", "kopie", "bak", "fft", "psd", "spectrum", "spectrogram",
-    "features", "labels", "annotations", "timestamps", "meta", "metadata", "info", "notes",
+    "trimmed", "augmented", "flip", "flipped", "mirrored", "rotated", "hdr", "mask", "masks",
+    "resized", "thumb", "thumbs", "thumbnail", "edited", "copy", "kopie", "bak", "fft", "psd",
+    "spectrum", "spectrogram", "features", "labels", "annotations", "timestamps", "meta",
+    "metadata", "info", "notes",
 }  # fmt: skip
 FILLERS = {"data", "dataset", "set", "recordings", "samples", "files", "folder", "of"}
 READ_ME = {  # text and tables beside recordings, of any suffix
     "readme", "read_me", "readme_first", "license", "metadata", "index", "labels", "manifest",
-    "notes", "note", "calibration", "calib", "annotation", "annotations", "comments",
-    "description", "protocol", "summary",
+    "info", "settings", "config", "parameters", "notes", "note", "calibration", "calib",
+    "annotation", "annotations", "comments", "description", "protocol", "summary",
 }  # fmt: skip
 SEPARATORS = "_- "
 MEANT = {  # names of folders and of modalities that are none of the package's

@@ -15,7 +15,7 @@ SENSOR = re.compile(
     r"|gyr|gps|baro|emg)(?![a-z])",
     re.IGNORECASE,
 )  # in the names of files beside each other
-NUMBERED = re.compile(r"(?<![a-z])(?:ch|chan|channel|axis|sensor|mic)\d+", re.IGNORECASE)
+NUMBERED = re.compile(r"(?<![a-z])(?:ch|chan|channel|axis|sensor|mic|taxel)\d+", re.IGNORECASE)
 
 
 def check_sensor_folders(root: Path, folders: Sequence[Path]) -> None:
