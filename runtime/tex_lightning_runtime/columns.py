@@ -207,16 +207,18 @@ def _unlike(axes: list[Column], *, timed: bool) -> list[str]:
     """Say how to leave out axes that by name or values are no signal, beside others that are.
 
     Of axes whose names differ in numbers alone, such as taxels, some may rest. What rises evenly
-    where times are known (``timed``) may be another clock.
+    where times are known (``timed``) may be another clock, and what falls evenly counts down.
     """
     still = [(np.diff(axis.values, prepend=np.nan) == 0).mean() for axis in axes]
     words = [{*axis.words, *axis.units, "".join(axis.words[-2:])} for axis in axes]
     codes = [axis.is_code for axis in axes]
     if all(axis.is_whole for axis in axes):  # counts
         codes = [False] * len(axes)
+    samples = [np.asarray(axis.values) for axis in axes]
+    ramps = [(timed and rising(each)) or rising(-each) for each in samples]
     slow = [
-        bool(SLOW & each) or axis.by_one or code or (timed and rising(np.asarray(axis.values)))
-        for axis, each, code in zip(axes, words, codes, strict=True)
+        bool(SLOW & each) or axis.by_one or code or ramp
+        for axis, each, code, ramp in zip(axes, words, codes, ramps, strict=True)
     ]
     kin = [re.sub(r"\d", "", axis.name) or axis.name for axis in axes]
     signals = {kin[n] for n, share in enumerate(still) if share < LIVELY and not slow[n]}

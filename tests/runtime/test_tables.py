@@ -1251,6 +1251,9 @@ TOLD = {
         table(clock("%H:%M:%S.%f"), times(1e3), *XYZ, names="time,cts,x,y,z\n"),
         "unlike a signal: 'cts'; data.channels=[1,2,3] leaves them out",
     ),
+    "what counts down": (
+        table(column(COUNT - np.array(NUMBERS), "{}"), X, names="left,x\n"), "'left'; data.channels"
+    ),
     "numbers of sensors without a name": (
         table(["1", "2"] * (COUNT // 2), *XYZ),
         "unlike a signal: column 1; data.channels=[1,2,3] leaves them out",

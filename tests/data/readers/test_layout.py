@@ -280,6 +280,19 @@ def test_parts_in_the_names_of_files_are_told(tmp_path, form):
     assert read_folder(touch(tmp_path, f"{files[0]}/../other.wav")).notes == ()
 
 
+@pytest.mark.parametrize(
+    ("files", "told"),
+    [
+        ("oak/1.wav elm/1.csv elm/2.txt", "traces of elm are .csv and those of oak .wav, which"),
+        ("oak/1.jpg oak/2.jpeg elm/1.png", "photos of elm are .png and those of oak .jpg"),
+        ("oak/1.jpg oak/2.png elm/1.png", ""), ("oak/1.txt elm/1.csv elm/1.png", ""),
+    ],
+)  # fmt: skip
+def test_classes_of_different_kinds_of_files_are_told(tmp_path, files, told):
+    notes = read_folder(touch(tmp_path, *files.split())).notes
+    assert [told in note for note in notes] == [True] * bool(told)
+
+
 @pytest.mark.parametrize("inside", ["oak_1.csv", "oak/1.csv"])
 @pytest.mark.parametrize("sensors", ["Accel Gyro", "Gyroscope Magnetometer", "ft imu"])
 def test_folders_of_sensors_in_the_place_of_classes_are_refused(tmp_path, sensors, inside):

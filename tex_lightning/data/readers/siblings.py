@@ -3,11 +3,13 @@
 import re
 from collections import defaultdict
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 
 from tex_lightning.data.readers.layout import PLAIN, SPLITS, VERSIONS, advise, crossed, words
-from tex_lightning.data.recordings import Recording, Recordings
+from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.errors import UserError, inflected, listed
+from tex_lightning_runtime.tables import SUFFIXES
 
 SENSOR = re.compile(
     r"(?<![a-z])(?:acc|accel[a-z]*|gyro[a-z]*|mag|magnet[a-z]*|gravity|orientation|force|torque|pressure"
@@ -16,6 +18,7 @@ SENSOR = re.compile(
     re.IGNORECASE,
 )  # in the names of files beside each other
 NUMBERED = re.compile(r"(?<![a-z])(?:ch|chan|channel|axis|sensor|mic|taxel)\d+", re.IGNORECASE)
+SAME = {".jpeg": ".jpg", ".jfif": ".jpg", ".tiff": ".tif", **dict.fromkeys(SUFFIXES, ".csv")}
 
 
 def check_sensor_folders(root: Path, folders: Sequence[Path]) -> None:
@@ -99,8 +102,8 @@ def without_versions(root: Path, rows: Sequence[Recording]) -> Recordings:
 
 
 def parts_apart(root: Path, rows: Sequence[Recording]) -> list[str]:
-    """Say which files may be parts of one recording, or of a test, by the ends of their names."""
-    return [*_ends_alike(root, rows), *_splits(rows)]
+    """Say which files may be parts of one recording or of a test, or tell a class by their kind."""
+    return [*_ends_alike(root, rows), *_splits(rows), *_kinds(rows)]
 
 
 def _ends_alike(root: Path, rows: Sequence[Recording]) -> list[str]:
@@ -132,6 +135,23 @@ def _splits(rows: Sequence[Recording]) -> list[str]:
         f"The names of files have {', '.join(found)}, which folds do not follow; give these in a "
         "column split of a manifest, and test by data.test_where (docs/evaluate.md)."
     ]
+
+
+def _kinds(rows: Sequence[Recording]) -> list[str]:
+    """Say that classes are files of kinds of their own, ``.jpg`` and ``.png``, which differ."""
+    found: dict[str, dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
+    for row in rows:
+        kind = row.path.suffix.lower()
+        found[row.modality][SAME.get(kind, kind)].add(row.label)
+    for modality, kinds in found.items():
+        classes = [sorted(labels) for labels in kinds.values()]
+        if len(kinds) > 1 and sum(map(len, classes)) == len({*chain.from_iterable(classes)}):
+            (one, first), (other, second), *_ = kinds.items()
+            return [
+                f"The {plural(modality)} of {listed(sorted(first))} are {one} and those of "
+                f"{listed(sorted(second))} {other}, which may tell the class; convert all to one."
+            ]
+    return []
 
 
 def labels_apart(root: Path, files: Sequence[Path]) -> str:
