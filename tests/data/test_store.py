@@ -15,7 +15,7 @@ import pytest
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import Recording
-from tex_lightning.data.store import Store, Unusable, cache_root, list_files
+from tex_lightning.data.store import Loaded, Store, Unusable, cache_root, list_files
 from tex_lightning.errors import UserError
 
 DECODERS = {"haptic": SignalDecoder(), "image": PhotoDecoder()}
@@ -210,6 +210,15 @@ def test_parts_of_a_file_make_the_whole_and_have_entries_of_their_own(store, sur
     assert store.rate(trace) == 10_000
     with pytest.raises(UserError, match=r"Part 0-0.00001 of .* is empty, as the file has only"):
         store.load(replace(row, part=(0, 0.00001)))
+
+
+def test_some_of_the_recordings_are_a_list_and_one_is_loaded_when_it_is_looked_at():
+    load = Mock(side_effect=str.upper)
+    recordings = Loaded(["a", "b", "c"], load)
+    assert (len(recordings), load.call_count) == (3, 0)
+    assert (recordings[-1], load.call_count) == ("C", 1)
+    assert (recordings[:2], recordings[1:9]) == (["A", "B"], ["B", "C"])
+    assert recordings[::-1] == [*recordings][::-1]
 
 
 def test_many_files_of_one_reason_are_a_line_with_the_first_five(tmp_path):

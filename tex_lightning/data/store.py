@@ -12,10 +12,10 @@ import os
 import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple, Self, TypeVar, overload
+from typing import Any, NamedTuple, TypeVar, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -303,7 +303,10 @@ def load_sample(sample: Sample, store: Store) -> dict[str, Tensor]:
 
 @dataclass(frozen=True)
 class Loaded(Sequence[T]):
-    """Recordings in the form that ``load`` gives them, each loaded when it is looked at."""
+    """Recordings in the form that ``load`` gives them, each loaded when it is looked at.
+
+    A slice is a list of loaded ones.
+    """
 
     rows: Sequence[Recording]
     load: Callable[[Recording], T]
@@ -315,9 +318,9 @@ class Loaded(Sequence[T]):
     @overload
     def __getitem__(self, place: int) -> T: ...
     @overload
-    def __getitem__(self, place: slice) -> Self: ...
-    def __getitem__(self, place: int | slice) -> T | Self:
-        """Load one of them, or choose some."""
+    def __getitem__(self, place: slice) -> list[T]: ...
+    def __getitem__(self, place: int | slice) -> T | list[T]:
+        """Load one of them, or some."""
         if isinstance(place, slice):
-            return replace(self, rows=self.rows[place])
+            return [*map(self.load, self.rows[place])]
         return self.load(self.rows[place])

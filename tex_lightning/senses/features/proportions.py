@@ -213,17 +213,17 @@ class BandProportions(nn.Module):
         Args:
             traces: (axes, samples) each; what is not held is read several times.
         """
-        traces = traces[:: math.ceil(len(traces) / MAX_RECORDINGS)]
+        chosen = range(0, len(traces), math.ceil(len(traces) / MAX_RECORDINGS))
         for window in self.windows:
             window.usual.forget()
-        held, counts = self._held(traces)
+        held, counts = self._held(traces[number] for number in chosen)
         lengths = torch.tensor([window.length for window in self.windows])
         least = WINDOWS_IN_SLOW if self.levels else WINDOWS_IN_RECORDING
         self.fits.copy_(lengths * least <= statistics.median(counts))
         self._note_learnt()
 
         def movements() -> Iterator[Tensor]:
-            others = map(self.movement, traces[len(held) :])
+            others = (self.movement(traces[number]) for number in chosen[len(held) :])
             return (self.filled(movement) for movement in chain(held, others))
 
         powers = [movement.var(dim=-1, correction=0).sum() for movement in movements()]
@@ -237,7 +237,7 @@ class BandProportions(nn.Module):
         for window in self.used:
             window.learn(torch.cat([window.thinned(x, self.level, kept) for x in movements()]))
 
-    def _held(self, traces: Sequence[Tensor]) -> tuple[list[Tensor], list[int]]:
+    def _held(self, traces: Iterable[Tensor]) -> tuple[list[Tensor], list[int]]:
         """Return the movement of the first traces, and the samples of that of all."""
         held, counts, size = [], [], 0
         for movement in map(self.movement, traces):
