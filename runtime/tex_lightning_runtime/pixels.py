@@ -18,12 +18,13 @@ def as_pixels(image: Any, key: str = "image", colour: str = "rgb") -> Array:
         image: (height, width, 3) or, of greys, (height, width); uint8. An image of Pillow may have
             any mode.
         key: Name of the argument, for messages.
-        colour: ``rgb``, or ``bgr`` as OpenCV gives them.
+        colour: ``rgb``, or ``bgr`` as OpenCV gives them; an image of Pillow knows its own.
 
     Raises:
         UserError: If it has another shape or type, or is empty.
     """
-    array = to_rgb(image, keeps=True)[0] if hasattr(image, "getexif") else as_array(image, key)
+    knows_colours = hasattr(image, "getexif")  # of Pillow
+    array = to_rgb(image, keeps=True)[0] if knows_colours else as_array(image, key)
     if array.ndim == 2:
         array = np.repeat(array[..., None], 3, axis=2)
     if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3 or not array.size:
@@ -33,7 +34,7 @@ def as_pixels(image: Any, key: str = "image", colour: str = "rgb") -> Array:
         )
     if colour not in ("rgb", "bgr"):
         raise UserError(f"colour is {colour!r}; choose rgb or bgr.")
-    pixels = array[..., ::-1] if colour == "bgr" else array
+    pixels = array[..., ::-1] if colour == "bgr" and not knows_colours else array
     return np.array(pixels, order="C")  # some are read-only
 
 

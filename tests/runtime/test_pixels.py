@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 
 from tex_lightning_runtime.errors import UserError
 from tex_lightning_runtime.pixels import as_pixels, halve, middle
@@ -28,6 +29,7 @@ def test_the_middle_is_the_same_before_and_after_halving(monkeypatch, size):
 def test_arrays_tensors_and_greys_are_taken():
     np.testing.assert_array_equal(as_pixels(torch.from_numpy(PHOTO)), PHOTO)
     np.testing.assert_array_equal(as_pixels(PHOTO, colour="bgr"), PHOTO[..., ::-1])
+    np.testing.assert_array_equal(as_pixels(Image.fromarray(PHOTO), colour="bgr"), PHOTO)
     np.testing.assert_array_equal(as_pixels(PHOTO[..., 0])[..., 2], PHOTO[..., 0])
     taken = as_pixels(np.broadcast_to(PHOTO[:1], PHOTO.shape))
     assert taken.flags.writeable
