@@ -99,6 +99,7 @@ def compose_run_folder() -> str:
         (["hydra.run.dir=/dev/null/run"], "run folder cannot be made"),
         (["hydra.run.dir="], r"hydra\.run\.dir is empty; give a folder"),
         (["-m", "seed=0,1"], "'-m' cannot be read; write key=value"),
+        ([["model=haptic"]], r"\['model=haptic'\] is no argument of a command line; give each as"),
         (["experiment=paper/all"], "are a sweep"),
         (["task=predict", "checkpoint=a.ckpt"], "task=predict leaves no results"),
         (["trainer=ddp", "trainer.accelerator=cpu", "trainer.devices=2"], "in this process alone"),

@@ -21,7 +21,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config import CONF, register
 from tex_lightning.config.quoting import as_typed
-from tex_lightning.config.user_folders import is_added, with_own_senses
+from tex_lightning.config.user_folders import check_text, is_added, with_own_senses
 from tex_lightning.errors import UserError, reason
 
 NAME = "config"
@@ -44,6 +44,7 @@ def as_composed(overrides: Sequence[str]) -> list[str]:
         UserError: If a run folder has no name, for which Hydra would take the current folder, or
             ``hydra.searchpath`` names a folder that is not there.
     """
+    check_text(overrides)
     for override in overrides:
         key, _, value = override.partition("=")
         if key in ("hydra.run.dir", "hydra.sweep.dir") and not value.strip(" '\""):

@@ -18,7 +18,7 @@ from pathlib import Path
 from hydra.core.config_search_path import ConfigSearchPath
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, shorten
 from tex_lightning_runtime.files import expanded
 
 INSIDE = Path(__file__).parents[1] / "conf"  # in an installed wheel
@@ -103,6 +103,20 @@ def user_folders() -> list[Path]:
     return [*_GIVEN, *(folder for folder in folders if folder.is_dir())]
 
 
+def check_text(arguments: Sequence[object]) -> None:
+    """Reject arguments that are no text, such as a list of them all.
+
+    Raises:
+        UserError: Naming the first.
+    """
+    for argument in arguments:
+        if not isinstance(argument, str):
+            raise UserError(
+                f"{shorten(repr(argument))} is no argument of a command line; give each as text, "
+                "as in 'data.root=DIR'."
+            )
+
+
 def use_config_dir(arguments: Sequence[str]) -> list[str]:
     """Set the folders of each ``--config-dir`` as sources of configuration files.
 
@@ -113,8 +127,9 @@ def use_config_dir(arguments: Sequence[str]) -> list[str]:
         The other arguments.
 
     Raises:
-        UserError: If there is no such folder.
+        UserError: If there is no such folder, or an argument is no text.
     """
+    check_text(arguments)
     _GIVEN.clear()
     parser = ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     parser.add_argument(FLAG, dest="folders", nargs="?", const="", action="append", default=[])
