@@ -4,6 +4,7 @@ import logging
 import pickle
 import tempfile
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -115,6 +116,13 @@ def test_a_class_in_counts_beside_others_in_volts_is_told(strokes):
     with pytest.warns(UserWarning, match="4 of 12 traces, of b alone, are"):
         model = tl.Estimator("few/haptic", rate=SLOW_RATE).fit(mixed, y)
     assert len(model.notes_) == 1
+
+
+def test_a_note_names_recordings_without_the_folder_that_is_gone(strokes):
+    x, y = strokes
+    timed = np.stack(np.broadcast_arrays(x, TIME), axis=1)
+    with pytest.warns(UserWarning, match=r"^haptic_0\.npy and 11 more: an axis rises evenly"):
+        tl.Estimator(rate=SLOW_RATE).fit(timed, y)
 
 
 def forms(x: np.ndarray) -> dict[str, object]:
@@ -250,9 +258,16 @@ def test_what_is_wrong_is_one_sentence_and_a_value_error(fitted, strokes):
         clone(fitted).fit(np.zeros((12, 32, 32, 3)), y)
     with pytest.raises(ValueError, match="give a list, of one path"):
         fitted.predict("A.wav")
+    with pytest.raises(ValueError, match=r"^X is A\.wav; give a list, of one path"):
+        fitted.predict(Path("A.wav"))
+    with pytest.raises(ValueError, match=r"^haptic is A\.wav; give a list, of one path"):
+        fitted.predict({"haptic": "A.wav"})
+    with pytest.raises(ValueError, match=r"^X cannot be read as an array"):
+        fitted.predict(torch.from_numpy(x).to("meta"))
     for pair in ((SLOW_RATE, x[0]), (x[0], SLOW_RATE)):
-        with pytest.raises(ValueError, match="give a list, of one such pair"):
-            fitted.predict(pair)
+        for form in (pair, {"haptic": pair}):
+            with pytest.raises(ValueError, match="give a list, of one such pair"):
+                fitted.predict(form)
     with pytest.raises(ValueError, match="takes haptic, not file"):
         fitted.predict(pd.DataFrame({"file": ["A.wav"]}))
     with pytest.raises(ValueError, match=r"There is no label"):
@@ -484,10 +499,12 @@ def test_a_class_of_ones_own_is_a_model(strokes, tmp_path):
     assert len(CLASSES) == 3
 
 
-def test_an_empty_label_is_told_of_y_not_of_a_file(strokes):
+def test_an_empty_label_or_group_is_told_of_y_and_groups_not_of_a_file(strokes):
     x, y = strokes
     with pytest.raises(ValueError, match=r"^y holds an empty label; give every sample one\.$"):
         tl.Estimator(rate=SLOW_RATE).fit(x, [" ", *y[1:]])
+    with pytest.raises(ValueError, match=r"^groups holds an empty text; give every sample one; "):
+        tl.Estimator(rate=SLOW_RATE).fit(x, y, groups=[*y[1:], " "])
 
 
 @pytest.mark.parametrize("one", [1, True])

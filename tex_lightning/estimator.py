@@ -363,18 +363,18 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             stack.enter_context(messages())
             stack.enter_context(finishing())
             stack.enter_context(own_defaults())
-            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="tex_lightning_"))
+            scratch = stack.enter_context(tempfile.TemporaryDirectory(prefix="tex_lightning_"))
+            folder = Path(scratch).resolve()
             stack.callback(use_config_dir, [])
             try:
                 if self.config_dir is not None:
                     use_config_dir([f"--config-dir={self.config_dir}"])
-                yield Path(folder)
+                yield folder
             except Exception as error:
                 mistake = to_user_error(error, began=True)
                 if mistake is None:
                     raise
-                said = (str(line).replace(f"{folder}{os.sep}", "") for line in mistake.args)
-                raise InvalidInput(*said) from error
+                raise InvalidInput(*_relative(mistake.args, folder)) from error
 
     @contextmanager
     def _using(self, X: Any) -> Iterator[list[Sample]]:  # noqa: ANN401
@@ -404,7 +404,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
     def _samples(self, X: Any, modalities: Sequence[str]) -> list[Sample]:  # noqa: ANN401
         """Return samples of what is an array or any other form of recordings."""
         if is_table(X, modalities):
-            X = check_array(readable(X), allow_nd=True)
+            X = check_array(readable(X, "X"), allow_nd=True)
         return samples_of(X, modalities)
 
     def _keep_shape(self, X: Any) -> None:  # noqa: ANN401
@@ -437,7 +437,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             self.run_folder_ = folder = expanded(self.directory).resolve() / name
         with prepared(config, job):
             dataset = open_training(config, folder)
-            self.notes_ = recording_notes(dataset)
+            self.notes_ = _relative(recording_notes(dataset), job.directory)
             train_model(config, dataset, folder)
         return load_classifier(checkpoint_of(folder, config.model.kind))
 
@@ -457,6 +457,11 @@ def _data(manifest: Path, cache: Path, rate: float | None) -> list[str]:
     given = {"data.manifest": manifest, "data.cache_dir": cache, "data.file_rate": rate}
     everything = ["data=manifest", "data.test_fold=null"]
     return [*everything, *(as_key_value(name, value) for name, value in given.items())]
+
+
+def _relative(lines: Sequence[object], folder: Path) -> list[str]:
+    """Return lines with the names of a folder's files alone."""
+    return [str(line).replace(f"{folder}{os.sep}", "") for line in lines]
 
 
 def _is_fitted(name: str) -> bool:

@@ -132,7 +132,11 @@ def rate_ratio(source: float, target: float, name: str, remedy: str = KEYS) -> F
     Raises:
         UserError: If ``source`` is no rate of a signal.
     """
-    if not MIN_RATE <= source <= MAX_RATE:
+    try:
+        is_rate = MIN_RATE <= source <= MAX_RATE
+    except TypeError as error:  # of what is given in Python
+        raise UserError(f"{name} has a rate of {source!r}; give a number in Hz.") from error
+    if not is_rate:
         raise UserError(
             f"{name} has a sampling rate of {source:g} Hz, too far from {target:g} Hz: rates are "
             f"20 Hz to 200 kHz; correct it ({remedy})."

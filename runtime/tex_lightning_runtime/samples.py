@@ -54,18 +54,28 @@ def as_array(values: Any, key: str) -> Array:
         UserError: If it is neither, beginning with ``key``.
     """
     try:
-        return np.asarray(readable(values))
+        return np.asarray(readable(values, key))
     except ValueError as error:  # lists of unequal lengths
-        said = reason(error)
-        raise UserError(f"{key} cannot be read as an array ({said}); give one.") from error
+        raise _unreadable(key, error) from error
 
 
-def readable(values: Any) -> Any:
-    """Return tensors and arrays with a mask as NumPy reads them; what is masked is NaN."""
-    if hasattr(values, "is_floating_point"):  # a tensor; PyTorch is not imported here
+def readable(values: Any, key: str) -> Any:
+    """Return tensors and arrays with a mask as NumPy reads them; what is masked is NaN.
+
+    Raises:
+        UserError: If a tensor is sparse, nested or without values, beginning with ``key``.
+    """
+    if not hasattr(values, "is_floating_point"):  # PyTorch is not imported here
+        return values.astype(float).filled(np.nan) if np.ma.is_masked(values) else values
+    try:
         tensor = values.detach().cpu()
         return (tensor.double() if tensor.is_floating_point() else tensor).numpy()  # no bfloat16
-    return values.astype(float).filled(np.nan) if np.ma.is_masked(values) else values
+    except (TypeError, RuntimeError) as error:
+        raise _unreadable(key, error) from error
+
+
+def _unreadable(key: str, error: Exception) -> UserError:
+    return UserError(f"{key} cannot be read as an array ({reason(error)}); give one.")
 
 
 def axes_first(samples: Array) -> Array | None:

@@ -196,8 +196,14 @@ def test_many_are_predicted_as_each_alone(bands, surfaces):
     ]
     with pytest.raises(tl.UserError, match="2 of haptic, 1 of image"):
         model.predict_many(haptic=files[:2], image=files[:1])
-    with pytest.raises(tl.UserError, match="nowhere"):
+    with pytest.raises(tl.UserError, match=r"^Sample 1 \(from 0\): .*nowhere"):
         model.predict_many(haptic=[files[0], "nowhere.wav"])
+    assert len(model.predict_many(haptic=surfaces.glob("*/haptic/*_0.wav"))) == len(files)
+    for one in (files[0], str(files[0])):
+        with pytest.raises(tl.UserError, match=r"^haptic is .*_0\.wav; give a list, of one path"):
+            model.predict_many(haptic=one)
+    with pytest.raises(tl.UserError, match=r"^haptic has a rate of '10000'; give a number in Hz"):
+        model.predict(haptic=TRACE, rate="10000")
 
 
 def test_a_model_says_what_it_is_and_how_good_it_was(bands):

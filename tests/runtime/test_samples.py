@@ -18,6 +18,12 @@ def test_a_tensor_is_taken_as_its_numbers_are(dtype):
     assert found.dtype == np.float64
 
 
+@pytest.mark.parametrize("spoil", [lambda x: x.to("meta"), torch.Tensor.to_sparse])
+def test_a_tensor_without_plain_values_is_told(spoil):
+    with pytest.raises(UserError, match=r"^it cannot be read as an array \(.+\); give one\.$"):
+        as_trace(spoil(torch.from_numpy(AXES)), "it")
+
+
 def test_the_longer_dimension_is_time_unless_it_is_a_chunk():
     assert as_trace(AXES.T).shape == as_trace(AXES).shape == (3, 700)
     assert as_trace(AXES[:, :2], is_chunk=True).shape == (3, 2)

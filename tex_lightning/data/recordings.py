@@ -221,6 +221,16 @@ def is_hidden(path: Path, root: Path) -> bool:
     return any(part.startswith(HIDDEN) for part in path.relative_to(root).parts)
 
 
+def check_is_list(name: str, given: object) -> None:
+    """Reject one path where a list of recordings is meant: its letters would be taken for paths.
+
+    Raises:
+        UserError: If it is one, naming it.
+    """
+    if isinstance(given, str | Path):
+        raise UserError(f"{name} is {shorten(given)}; give a list, of one path if there is one.")
+
+
 def name_one(modality: str) -> str:
     """Return the name of one recording of a modality."""
     return NAMES.get(modality, f"{modality} recording")

@@ -1,7 +1,7 @@
 """Classify files and arrays with a trained checkpoint."""
 
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence, Sized
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from tex_lightning.config.mistakes import MISTAKES, explain
 from tex_lightning.core.devices import own_defaults, pick_device, synchronise, use_tf32
 from tex_lightning.core.run_folder import find_checkpoint
 from tex_lightning.data.decode import SignalDecoder
+from tex_lightning.data.recordings import check_is_list
 from tex_lightning.errors import UserError, shorten
 from tex_lightning.inference.early_stopping import Deciders
 from tex_lightning.inference.prediction import Prediction, check_unknown, make_prediction
@@ -157,7 +158,7 @@ class Predictor:
         *,
         rate: Rate = None,
         colour: str = "rgb",
-        **recordings: Sequence[Input],
+        **recordings: Iterable[Input],
     ) -> list[Prediction]:
         """Classify several samples, one after the other; arguments are lists of those of `predict`.
 
@@ -171,7 +172,8 @@ class Predictor:
             A prediction for each sample, equal to that of :meth:`predict`.
 
         Raises:
-            UserError: If the lists have different lengths, or an input is unusable.
+            UserError: If the lists have different lengths, or an input is unusable, which is told
+                by its number.
 
         Example:
             >>> import tex_lightning as tl
@@ -179,15 +181,24 @@ class Predictor:
             >>> len(model.predict_many(haptic=["A.wav", "A.wav"], image=["B.jpg", "B.jpg"]))
             2
         """
-        lengths = {name: len(given) for name, given in recordings.items()}
+        for name, given in recordings.items():
+            check_is_list(name, given)
+        lists = {
+            name: given if isinstance(given, Sized) else [*given]
+            for name, given in recordings.items()
+        }
+        lengths = {name: len(given) for name, given in lists.items()}
         if len({*lengths.values()}) > 1:
             counts = ", ".join(f"{count} of {name}" for name, count in lengths.items())
             raise UserError(f"Give as many recordings of every modality, not {counts}.")
-        samples = zip(*recordings.values(), strict=True)
-        return [
-            self.predict(rate=rate, colour=colour, **dict(zip(recordings, sample, strict=True)))
-            for sample in samples
-        ]
+        predictions = []
+        for number, sample in enumerate(zip(*lists.values(), strict=True)):
+            try:
+                named = dict(zip(lists, sample, strict=True))
+                predictions.append(self.predict(rate=rate, colour=colour, **named))
+            except UserError as error:
+                raise UserError(f"Sample {number} (from 0): {error}") from error
+        return predictions
 
     def stream(
         self,

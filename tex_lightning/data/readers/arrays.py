@@ -16,8 +16,8 @@ from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
 from tex_lightning.data.manifest import write_manifest
-from tex_lightning.data.recordings import Recording, Recordings, one_name
-from tex_lightning.errors import InvalidInput, UserError, listed, shorten
+from tex_lightning.data.recordings import Recording, Recordings, check_is_list, one_name
+from tex_lightning.errors import InvalidInput, UserError, listed
 from tex_lightning_runtime.files import expanded
 from tex_lightning_runtime.pixels import as_pixels
 from tex_lightning_runtime.samples import Array, as_array, as_trace
@@ -26,6 +26,7 @@ T = TypeVar("T")
 Given = Any  # a path, samples or pixels that NumPy can read, or a pair of samples and their rate
 Sample = Mapping[str, Given]  # by modality; None is absent
 MANIFEST = "manifest.csv"
+ALONE = "; those that stand alone get one of their own"
 
 
 def is_table(given: Any, modalities: Sequence[str]) -> bool:  # noqa: ANN401
@@ -35,13 +36,13 @@ def is_table(given: Any, modalities: Sequence[str]) -> bool:  # noqa: ANN401
     """
     if hasattr(given, "toarray"):  # of SciPy; some are dictionaries, too
         return True
-    if isinstance(given, Mapping):
+    if isinstance(given, Mapping | Path):
         return False
     if hasattr(given, "columns"):
         named = {*map(str, given.columns)} <= {*modalities}
         return not named and (given.size == 0 or _is_number(given.to_numpy()[0, 0]))
     if isinstance(kind := getattr(getattr(given, "dtype", None), "kind", None), str):
-        return given.ndim != 1 or kind not in "OUS"  # an array, or a column of pandas
+        return given.ndim != 1 or kind not in "OUST"  # an array, or a column of pandas
     if isinstance(given, Sequence) and not isinstance(given, str):
         return len(given) > 0 and _is_number(given[0]) and with_rate(given)[1] is None
     return not isinstance(given, Iterable) or hasattr(given, "__array__")
@@ -85,12 +86,12 @@ def _is_missing(given: Any) -> bool:  # noqa: ANN401
 def _as_samples(given: Any, modalities: Sequence[str]) -> list[Sample]:  # noqa: ANN401
     if hasattr(given, "columns"):
         given = {str(name): given[name].tolist() for name in given.columns}
-    if isinstance(given, str | Path):
-        raise UserError(f"X is {shorten(given)}; give a list, of one path if there is one.")
-    if with_rate(given)[1] is not None:
-        raise UserError(
-            "X is a recording and its rate; give a list, of one such pair if it is one."
-        )
+    for name, one in given.items() if isinstance(given, Mapping) else [("X", given)]:
+        check_is_list(name, one)
+        if with_rate(one)[1] is not None:
+            raise UserError(
+                f"{name} is a recording and its rate; give a list, of one such pair if it is one."
+            )
     if isinstance(given, Mapping):
         return _by_modality({str(name): [*items] for name, items in given.items()}, modalities)
     items = [*given]
@@ -169,8 +170,11 @@ def groups_of(groups: Any, samples: Sequence[Sample]) -> list[str]:  # noqa: ANN
         ValueError: If they are not as many, or one is missing.
     """
     check_consistent_length(groups, samples)
-    _check_complete("groups", groups, "; those that stand alone get one of their own")
-    return [*map(str, np.asarray(groups).tolist())]
+    _check_complete("groups", groups, ALONE)
+    names = [*map(str, np.asarray(groups).tolist())]
+    if not all(map(str.strip, names)):
+        raise InvalidInput(f"groups holds an empty text; give every sample one{ALONE}.")
+    return names
 
 
 def _check_complete(what: str, values: Any, more: str = "") -> None:  # noqa: ANN401
@@ -262,7 +266,8 @@ def with_rate(given: Given) -> tuple[Given, float | None]:
     """
     if isinstance(given, tuple) and len(given) == 2:
         for rate, samples in (given, given[::-1]):
-            if np.ndim(rate) == 0 and np.ndim(samples) > 0 and not isinstance(rate, str | Path):
+            is_number = np.ndim(rate) == 0 and np.asarray(rate).dtype.kind in "fiu"
+            if is_number and np.ndim(samples) > 0:
                 return samples, float(rate)
     return given, None
 
