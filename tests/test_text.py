@@ -1,11 +1,13 @@
 """Names that come from files, on every way out: terminal, log, figures, documents, tables."""
 
 import csv
+import errno
 import json
 import pickle
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 import soundfile
@@ -68,6 +70,13 @@ def test_json_on_standard_output_is_utf8_whatever_the_terminal_is(capfd, monkeyp
     monkeypatch.setenv("PYTHONIOENCODING", "ascii")
     print_line({"label": "Tür \x9b\udce9"})
     assert capfd.readouterr().out == '{"label": "Tür \\u009b\\udce9"}\n'
+
+
+def test_json_on_a_full_disk_is_one_sentence(monkeypatch):
+    full = Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
+    monkeypatch.setattr("sys.stdout", Mock(flush=full))
+    with pytest.raises(UserError, match=r"^The output cannot be written \(.*No space left"):
+        print_line({"label": "a"})
 
 
 @pytest.fixture(scope="module")

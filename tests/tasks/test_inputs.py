@@ -64,5 +64,7 @@ def test_stems_decide_where_they_are_the_same_and_else_the_order():
     assert [each["image"] for each in in_order] == others
     with pytest.raises(UserError, match="2 traces and 3 photos; give as many of each"):
         match_files({"haptic": files["haptic"], "image": [*others, Path("z.png")]})
+    with pytest.raises(UserError, match="2 traces and 1 photo; give as many of each"):
+        match_files({"haptic": files["haptic"], "image": others[:1]})
     with pytest.raises(UserError, match="nothing to classify"):
         match_files({"haptic": []})

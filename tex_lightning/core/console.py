@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.text import Text
 
 from tex_lightning.core.ranks import is_rank_zero
+from tex_lightning.errors import UserError, reason
 from tex_lightning.text import printable_lines, to_json
 
 QUIET, NORMAL, DEBUG = 0, 1, 2  # values of the key ``verbose``
@@ -180,7 +181,11 @@ CLOSED_PIPE = 141  # what a shell reports of a program that SIGPIPE ended
 
 
 def print_line(line: dict[str, Any]) -> None:
-    """Print one JSON object at once, in UTF-8; end quietly if nobody reads it, as ``| head``."""
+    """Print one JSON object at once, in UTF-8; end quietly if nobody reads it, as ``| head``.
+
+    Raises:
+        UserError: If it cannot be written, as on a full disk.
+    """
     if isinstance(sys.stdout, io.TextIOWrapper):  # none in a notebook
         sys.stdout.reconfigure(encoding="utf-8")
     try:
@@ -189,6 +194,10 @@ def print_line(line: dict[str, Any]) -> None:
         # Python writes out what is left when it ends, and would complain again
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(CLOSED_PIPE) from error
+    except OSError as error:
+        raise UserError(
+            f"The output cannot be written ({reason(error)}); send it elsewhere."
+        ) from error
 
 
 class LogFile(logging.FileHandler):
