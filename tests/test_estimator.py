@@ -208,8 +208,9 @@ def test_scikit_learns_tools_take_it(strokes):
 
 
 def test_copies_are_not_fitted_and_pickles_are(fitted, strokes):
-    with pytest.raises(NotFittedError):
-        clone(fitted).predict(strokes[0])
+    for way, given in (("predict", strokes[:1]), ("score", strokes)):
+        with pytest.raises(NotFittedError):
+            getattr(clone(fitted), way)(*given)
     again = pickle.loads(pickle.dumps(fitted))
     assert (again.predict_proba(strokes[0]) == fitted.predict_proba(strokes[0])).all()
 
@@ -275,8 +276,9 @@ def test_what_is_wrong_is_one_sentence_and_a_value_error(fitted, strokes):
     for missing in (None, np.nan, pd.NA):
         with pytest.raises(ValueError, match=r"groups holds .* for sample 1"):
             clone(fitted).fit(x, y, groups=[0, missing, *range(10)])
-        with pytest.raises(ValueError, match=r"y holds .* for sample 1"):
-            clone(fitted).fit(x, ["a", missing, *"abababababa"[:10]])
+        for way in (clone(fitted).fit, fitted.score):
+            with pytest.raises(ValueError, match=r"y holds .* for sample 1"):
+                way(x, ["a", missing, *"abababababa"[:10]])
         for form in ([x[0], missing, *x[2:]], pd.Series([x[0], missing, *x[2:]])):
             with pytest.raises(ValueError, match="Recording 1 of X: it is missing"):
                 clone(fitted).fit(form, y)

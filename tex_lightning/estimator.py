@@ -50,6 +50,7 @@ from tex_lightning.data.readers.arrays import (
     Given,
     Sample,
     by_name,
+    check_complete,
     each,
     groups_of,
     is_table,
@@ -199,10 +200,13 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
 
     def score(self, X: Any, y: Any, sample_weight: Any = None) -> float:  # noqa: ANN401
         """Return the accuracy of the labels; of a sample of any class ``unknown`` is wrong."""
+        check_is_fitted(self)
+        true = column_or_1d(y)
+        check_complete("y", y)
         names = {label: name for name, label in by_name(self.classes_).items()}
         given, found = (
             [names.get(label, str(label)) for label in labels.tolist()]
-            for labels in (column_or_1d(y), self.predict(X))
+            for labels in (true, self.predict(X))
         )
         return float(accuracy_score(given, found, sample_weight=sample_weight))
 

@@ -137,7 +137,7 @@ def labels_of(y: Any, least: int = 2) -> tuple[Array, list[str]]:  # noqa: ANN40
     if y is None:
         raise InvalidInput("Estimator requires y to be passed, but the target y is None.")
     labels = column_or_1d(y, warn=True)
-    _check_complete("y", y)
+    check_complete("y", y)
     check_classification_targets(labels)
     if isinstance(y, list | tuple):  # of which NumPy makes one text
         texts = {label for label in y if isinstance(label, str)}
@@ -170,14 +170,19 @@ def groups_of(groups: Any, samples: Sequence[Sample]) -> list[str]:  # noqa: ANN
         ValueError: If they are not as many, or one is missing.
     """
     check_consistent_length(groups, samples)
-    _check_complete("groups", groups, ALONE)
+    check_complete("groups", groups, ALONE)
     names = [*map(str, np.asarray(groups).tolist())]
     if not all(map(str.strip, names)):
         raise InvalidInput(f"groups holds an empty text; give every sample one{ALONE}.")
     return names
 
 
-def _check_complete(what: str, values: Any, more: str = "") -> None:  # noqa: ANN401
+def check_complete(what: str, values: Any, more: str = "") -> None:  # noqa: ANN401
+    """Reject labels or groups (samples,) of which one is missing.
+
+    Raises:
+        ValueError: If one is, naming its sample.
+    """
     if not isinstance(values, list | tuple):  # in lists with text NumPy turns NaN to text
         values = np.asarray(values).tolist()
     for number, value in enumerate(values):
