@@ -84,6 +84,19 @@ def test_a_log_on_a_full_disk_ends_without_a_word(tmp_path, capsys):
     handler.close()
 
 
+def test_what_is_no_file_is_not_replaced_by_one(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "folder").mkdir()
+    for target in tmp_path.iterdir():
+        before = target.stat()
+        with pytest.raises(UserError, match="is a folder, a device or a pipe; give the path of a"):
+            write_text(target, "new")
+        assert target.stat() == before
+    (tmp_path / "link").symlink_to("nowhere")
+    write_text(tmp_path / "link", "new")
+    assert (tmp_path / "link").read_text() == "new"
+
+
 @pytest.mark.parametrize(
     ("name", "read"),
     [

@@ -106,9 +106,11 @@ def write_atomically(target: Path, write: Callable[[Path], object]) -> None:
     """Write a file beside ``target`` with ``write``, and move it there when it is complete.
 
     Raises:
-        UserError: If it cannot be written.
+        UserError: If it cannot be written, or is a folder, a device or a pipe.
     """
     try:
+        if target.exists() and not is_file(target):  # a device would be replaced by the file
+            raise UserError(f"{target} is a folder, a device or a pipe; give the path of a file.")
         with partial_path(target) as partial:
             write(partial)
             partial.replace(target)
