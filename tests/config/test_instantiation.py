@@ -57,6 +57,19 @@ def test_nodes_inside_are_built():
     assert made("abc") == 3
 
 
+def test_nodes_inside_keep_to_their_signatures():
+    for wrong, said in (
+        ({"rat": 2}, r"no key data\.reader\.inner\.0\.x\.rat \(did you mean .*\.rate\?"),
+        ({"rate": "fast"}, r"^data\.reader\.inner\.0\.x\.rate is 'fast': give a number"),
+        ({}, r"^data\.reader\.inner\.0\.x lacks folder"),
+    ):
+        inner = node(Plain, **({"folder": "in"} if wrong else {}), **wrong)
+        with pytest.raises(UserError, match=said):
+            build("data.reader", node(Plain, folder="a", inner=[{"x": inner}]))
+    unbuilt = node(Plain, folder="a", inner=node(Plain, rat=2), _recursive_=False)
+    assert build("data.reader", unbuilt).inner["rat"] == 2
+
+
 @dataclass
 class Ranged:
     size: Annotated[int, "[1, 64] mm", "a size"] = 1

@@ -43,14 +43,35 @@ def build(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: 
     """
     from hydra.utils import instantiate  # a fifth of a second, which cards do without
 
+    values, shared = _prepared(where, node, offered)
+    with making(where, node[TARGET]):
+        return instantiate({"_convert_": "all", **values}, **shared)
+
+
+def _prepared(
+    where: str, node: Mapping[str, Any], offered: Mapping[str, Any]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return a node with checked arguments, in the nodes inside it too, and the accepted offers."""
     called = find_callable(where, node)
     arguments = {key: value for key, value in node.items() if key not in HYDRAS}
-    values = {"_convert_": "all", **node, **_checked(where, called, arguments)}
+    values = {**node, **_checked(where, called, arguments)}
     shared = _accepted(called, node, offered)
     if not (node.get("_partial_") or node.get("_args_")):
         _check_complete(where, called, {**arguments, **shared})
-    with making(where, node[TARGET]):
-        return instantiate(values, **shared)
+    if node.get("_recursive_", True):
+        values = {key: _inner(f"{where}.{key}", value) for key, value in values.items()}
+    return values, shared
+
+
+def _inner(where: str, value: object) -> object:
+    """Return a value of a node with checked nodes in it, which Hydra builds with the node."""
+    if isinstance(value, Mapping):
+        if TARGET in value:
+            return _prepared(where, value, {})[0]
+        return {key: _inner(f"{where}.{key}", item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_inner(f"{where}.{index}", item) for index, item in enumerate(value)]
+    return value
 
 
 def _accepted(
