@@ -450,6 +450,13 @@ class FlatReader:
         )
 
 
+class Asking(FlatReader):
+    """A reader whose method asks for what is a field."""
+
+    def read(self, folder: str) -> Any:
+        return self.rows
+
+
 class Locked(SignalSense):
     """A sense whose decoder no other process can be given."""
 
@@ -488,6 +495,10 @@ def test_readers_and_senses_that_break_their_contract(surfaces, tmp_path):
     broken.rows = ["oak"]
     with pytest.raises(UserError, match=r"FlatReader\.read\(\) .* returned list; let it return"):
         check_part(broken)
+    with pytest.raises(UserError, match=r"^data\.reader \(Recordings\) has no method read; a re"):
+        check_part(Recordings(()), kind="reader")
+    with pytest.raises(UserError, match="has read, which takes folder, where it gets nothing; a r"):
+        check_part(Asking("a"))
     with pytest.raises((AttributeError, TypeError)) as caught:
         check_part(Locked)
     assert "model.haptic (Locked) raised" in fault_of(caught.value)

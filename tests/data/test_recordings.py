@@ -1,3 +1,4 @@
+import json
 import shlex
 from dataclasses import replace
 from fractions import Fraction
@@ -223,10 +224,15 @@ ROWS = tuple(
         Recordings(tuple(replace(row, group=np.int64(row.group)) for row in ROWS)),
         Recordings([replace(row, sampling_rate=np.float32(100)) for row in ROWS]),
         Recordings([replace(row, part=part) for row in ROWS for part in [(0, 0.5), (0.5, 1)]]),
+        Recordings([replace(row, part=(np.float32(0), Fraction(1, 2))) for row in ROWS]),
+        Recordings([replace(row, fold=np.int64(row.group)) for row in ROWS]),
     ],
 )
-def test_a_sound_table_is_taken(given):
-    assert {row.label for row in checked_table(given, "Mine")} == {"oak", "steel"}
+def test_a_sound_table_is_taken_with_numbers_that_json_knows(given):
+    table = checked_table(given, "Mine")
+    assert {row.label for row in table} == {"oak", "steel"}
+    for row in table:
+        json.dumps([row.group, row.sampling_rate, row.part, row.fold])
 
 
 @pytest.mark.parametrize(

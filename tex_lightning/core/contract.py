@@ -174,10 +174,8 @@ def check_call(part: Part, called: Callable[..., object], *arguments: str) -> No
         return
     except TypeError as error:
         takes = ", ".join(inspect.signature(called).parameters) or "nothing"
-        name = getattr(called, "__name__", "it")
-        raise breach(
-            *part, f"has {name}, which takes {takes}, where it gets {', '.join(arguments)}"
-        ) from error
+        name, gets = getattr(called, "__name__", "it"), ", ".join(arguments) or "nothing"
+        raise breach(*part, f"has {name}, which takes {takes}, where it gets {gets}") from error
 
 
 def breach(key: str, kind: str, part: object, why: str) -> UserError:

@@ -298,6 +298,18 @@ FIELDS: dict[str, tuple[Callable[[Any], bool], str]] = {
 }  # fmt: skip
 
 
+def with_plain_numbers(row: Recording) -> Recording:
+    """Return a checked row with Python's numbers in place of NumPy's, which JSON does not know."""
+    group, rate, part, fold = row.group, row.sampling_rate, row.part, row.fold
+    return replace(
+        row,
+        group=group if isinstance(group, str) else int(group),
+        sampling_rate=None if rate is None else float(rate),
+        part=None if part is None else (float(part[0]), float(part[1])),
+        fold=None if fold is None else int(fold),
+    )
+
+
 def check_distinct(what: str, rows: Iterable[Recording]) -> None:
     """Reject duplicates: in two groups a file would be trained and tested on."""
     listed: dict[Path, list[tuple[int, Part | None]]] = defaultdict(list)

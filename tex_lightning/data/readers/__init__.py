@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 from tex_lightning.config import DataConfig
-from tex_lightning.config.instantiation import PACKAGE, build
-from tex_lightning.core.contract import calling
+from tex_lightning.config.instantiation import build
+from tex_lightning.core.contract import breach, calling, check_call
 from tex_lightning.data.folds import as_override, check_conditions, with_folds
 from tex_lightning.data.readers.layout import hint
 from tex_lightning.data.recordings import (
@@ -16,6 +16,7 @@ from tex_lightning.data.recordings import (
     check_distinct,
     check_row,
     with_one_name,
+    with_plain_numbers,
 )
 from tex_lightning.errors import UserError, listed, shorten
 
@@ -35,6 +36,7 @@ def checked_table(table: Any, reader: str) -> Recordings:  # noqa: ANN401
     rows = tuple(table.rows)
     for number, row in enumerate(rows, start=1):
         check_row(row, f"Record {number} of the table of {reader} (data.reader)")
+    rows = tuple(map(with_plain_numbers, rows))
     if not rows:
         raise UserError(f"{reader} (data.reader) found no recordings; check the keys of data.")
     check_distinct(f"{reader} (data.reader)", rows)
@@ -55,11 +57,13 @@ def read_table(reader: Any) -> Recordings:  # noqa: ANN401
         UserError: If :func:`checked_table` rejects it.
         Exception: Any exception of a custom reader, with a note of its contract.
     """
-    name = type(reader).__name__
-    if type(reader).__module__.startswith(PACKAGE):
-        return checked_table(reader.read(), name)
-    with calling("data.reader", "reader", reader):
-        table = reader.read()
+    part, name = ("data.reader", "reader", reader), type(reader).__name__
+    read: Any = getattr(reader, "read", None)
+    if not callable(read):
+        raise breach(*part, "has no method read")
+    check_call(part, read)
+    with calling(*part):
+        table = read()
     return checked_table(table, name)
 
 
