@@ -201,6 +201,12 @@ def test_wrong_values_are_refused_together(arguments, message):
     assert len(str(caught.value)) < 1000
 
 
+@pytest.mark.parametrize("value", ["${data.root}/sub", "{b: ['${data.root}', 1]}"])
+def test_a_root_may_be_a_part_of_what_a_reader_is_given(value):
+    given = ["data.root=/somewhere", f"+data.reader.a={value}", "data.reader._target_=mine.Reader"]
+    check_config(read_config(compose_config(given)))
+
+
 def test_an_internal_fault_keeps_its_traceback(cli, tmp_path, monkeypatch):
     def fail(*arguments):
         raise ZeroDivisionError("a fault of ours")

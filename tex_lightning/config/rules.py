@@ -6,7 +6,8 @@ A rule says whether something is wrong, and the complaint.
 from collections.abc import Callable, Iterator, Sequence
 from operator import attrgetter
 
-from tex_lightning.config import READ_FILES, Config
+from tex_lightning.config import READ_FILES, Config, flatten
+from tex_lightning.config.signatures import TARGET
 from tex_lightning.config.tasks import TRAINING
 from tex_lightning.errors import UserError, shorten
 
@@ -67,10 +68,11 @@ def _model_rules(config: Config) -> Iterator[Rule]:
 
 def _data_rules(config: Config) -> Iterator[Rule]:
     data = config.data
+    read = [str(value) for key, value in flatten(data.reader).items() if not key.endswith(TARGET)]
     for key in ("root", "manifest", "group_by"):
         value = getattr(data, key)
         yield (
-            value is not None and value not in data.reader.values(),
+            value is not None and not any(value in text for text in read),
             f"data.{key} is not read by data={data.name}: leave it out, or give data=NAME",
         )
     for key in ("test_fold", "val_fold"):
