@@ -59,7 +59,7 @@ class Frames(nn.Module):
     def __init__(self, spoil: str = "") -> None:
         super().__init__()
         self.spoil, self.mean = spoil, 0.0
-        if spoil == "buffer":
+        if spoil in ("buffer", "resized"):
             self.register_buffer("learnt", torch.zeros(()))
         if spoil == "parameter":
             self.gain = nn.Parameter(torch.ones(()))
@@ -70,6 +70,8 @@ class Frames(nn.Module):
             self.mean = mean
         if self.spoil == "buffer":
             self.learnt.copy_(mean)
+        if self.spoil == "resized":
+            self.learnt = mean.repeat(2)
 
     def forward(self, signal: torch.Tensor) -> Any:
         frames = signal[:1].unfold(-1, 10, 10).mean(-1)[None] - self.mean
@@ -118,6 +120,8 @@ class SpoiltNet(nn.Module):
 
     def features(self, x: torch.Tensor, level: str) -> Any:
         hidden = self.hidden(x)
+        if self.spoil == "later" and not hasattr(self, "scale"):
+            self.scale = nn.Parameter(torch.ones(()))
         if level == "fc2" and self.spoil != "blind":
             return hidden
         self.steps += self.training
@@ -132,6 +136,7 @@ def _spoilt(x: torch.Tensor, how: str) -> Any:
         "none": lambda: None, "list": lambda: [x], "array": lambda: x.detach().numpy(),
         "batch": lambda: x.repeat(3, 1, 1), "flat": lambda: x.mean(-1), "detached": x.detach,
         "nan": lambda: x * torch.nan, "swapped": lambda: x.mT, "complex": lambda: x + 0j,
+        "empty": lambda: x[..., :0],
     }  # fmt: skip
     return changes[how]() if how in changes else x
 

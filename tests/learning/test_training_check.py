@@ -74,7 +74,10 @@ def module(card: Card) -> SurfaceModule:
         ),
         ("features", "complex", r"\(Frames\) returned a Tensor of complex64 of shape \(1, 1, 90\)"),
         ("features", "nan", "holds NaN|gave NaN or infinity"),
+        ("features", "empty", "^Frames makes nothing of this force recording .it gives no frame.;"),
         ("features", "outside", "gives other outputs once it is saved and loaded"),
+        ("features", "resized", r"\(Frames\) cannot be loaded .*: its constructor makes no learnt"),
+        ("network", "later", r"\(SpoiltNet\) cannot be loaded .*: its constructor makes no scale "),
         ("network", "none", "returned a NoneType for a batch of 2"),
         ("network", "batch", r"returned a Tensor of float32 of shape \(6, 2, 16\)"),
         ("network", "flat", r"returned a Tensor of float32 of shape \(2, 2\) for a batch of 2"),
@@ -104,6 +107,13 @@ def test_a_score_layer_of_other_features_is_found_before_the_training(world):
     with pytest.raises(RuntimeError, match="shapes") as caught:
         check_sense(module(card(network={"spoil": "blind"})), *world)
     assert fault_of(caught.value).startswith("model.force.network (SpoiltNet) raised RuntimeError")
+
+
+@pytest.mark.parametrize("name", ["double", "pop"])
+def test_a_sense_with_the_name_of_a_method_is_refused(name):
+    given = card()
+    with pytest.raises(UserError, match=f"^No sense can be called {name}, .*; rename it"):
+        module(replace(given, senses={name: given.senses["force"]}))
 
 
 def test_layers_that_wait_for_an_input_are_refused():

@@ -5,6 +5,7 @@ A part that does not keep its contract is a UserError (:func:`~tex_lightning.cor
 
 import io
 import logging
+import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import chain
@@ -198,9 +199,19 @@ def check_outputs(
     classifier: SurfaceClassifier, rebuilt: SurfaceClassifier, recordings: Sequence[Tensor]
 ) -> None:
     """Check the scores of recordings, and that a loaded checkpoint gives the same."""
-    rebuilt.load_state_dict(saved(classifier.state_dict()))
     (sense,), (again,) = classifier.senses.values(), rebuilt.senses.values()
     (features, scored), classes = parts_of(sense), len(classifier.card.classes)
+    try:
+        rebuilt.load_state_dict(saved(classifier.state_dict()))
+    except RuntimeError as error:  # PyTorch names what is missing or of another size
+        wrong = re.search(r"\bsenses\.\w+\.(features|network)\.([\w.]+)", str(error))
+        if wrong is None:
+            raise
+        part = features if wrong[1] == "features" else scored
+        raise breach(
+            *part, f"cannot be loaded from a checkpoint: its constructor makes no {wrong[2]} of "
+            "the size that is saved",
+        ) from error  # fmt: skip
     for recording in recordings:
         check_same(partial(sense, recording), partial(again, recording), features)
         with calling(*scored):  # by its score_layer, if it has one

@@ -186,6 +186,8 @@ class Sense(nn.Module, ABC):
             or len(output) != batch
         ):
             raise breach(*part, f"returned {describe_value(output)} for a batch of {batch}")
+        if not (output.numel() or is_builtin(self.features)):
+            raise self._too_small(self.features, "it gives no frame")
         if x.is_floating_point() and not _is_finite(output):
             custom = "" if is_builtin(self.features) else type(self.features).__name__
             raise UserError(

@@ -30,6 +30,8 @@ def make_sense(name: str, node: Mapping[str, Any], classes: int) -> Sense:
         UserError: If the node cannot be used, or names a class that is not trusted.
     """
     where = f"model.{name}"
+    if hasattr(nn.ModuleDict, name):
+        raise UserError(f"No sense can be called {name}, as a method of PyTorch is; rename it.")
     cls = trusted_class(where, node)
     if not issubclass(cls, Sense):
         raise UserError(
