@@ -47,6 +47,24 @@ def test_a_file_that_cannot_be_read_is_left_to_hydra(given, tmp_path):
     assert "+sense@model.broken=broken" in with_own_senses([given])
 
 
+@pytest.mark.parametrize("name", ["2d", "kraft_ü", "a b", "fusion", "name", "kind"])
+def test_a_file_with_a_name_that_no_sense_can_have_is_told(given, tmp_path, name):
+    (tmp_path / "sense" / f"{name}.yaml").write_text("defaults: [signal, _self_]\n")
+    with pytest.raises(UserError, match=f"^.*/sense/{name}.yaml cannot be a sense, .*; rename it"):
+        with_own_senses([given])
+
+
+def test_names_with_dashes_are_composed_and_hidden_files_are_nobodys(given, tmp_path):
+    for name in ("my-force", "._force", ".#force"):
+        (tmp_path / "sense" / f"{name}.yaml").write_text("defaults: [signal, _self_]\n")
+    composed = run_composed(lambda _: current_job(python=True).overrides, [given])
+    assert composed == ()
+    assert with_own_senses([given])[1:] == [
+        "+sense@model.force=force",
+        "+sense@model.my-force=my-force",
+    ]
+
+
 @pytest.fixture
 def two(tmp_path):
     """A folder with an option of the package's name, and one with others."""

@@ -18,6 +18,7 @@ from pathlib import Path
 from hydra.core.config_search_path import ConfigSearchPath
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 
+from tex_lightning.config.model import ModelConfig
 from tex_lightning.errors import UserError, shorten
 from tex_lightning_runtime.files import expanded
 
@@ -43,19 +44,33 @@ def with_own_senses(overrides: Sequence[str]) -> list[str]:
     """Return the overrides, and those that compose the senses in ``sense/`` of a user's folders.
 
     ``model.senses`` may name them then, as it does those of the package.
+
+    Raises:
+        UserError: If a file has a name that none can have.
     """
     folders = [*user_folders(), *named_folders(overrides)]
-    files = (file for folder in folders for file in folder.glob("sense/*.yaml"))
-    names = {file.stem for file in files if not _is_fragment(file, overrides)}
-    ours = (file.stem for file in (CONF / "sense").glob("*.yaml"))
-    senses = sorted(names.difference(ours, ["base"]))  # base is what others begin with
+    files = [file for folder in folders for file in folder.glob("sense/[!.]*.yaml")]
+    names = {file.stem: file for file in files if not _is_fragment(file, overrides)}
+    ours = {file.stem for file in (CONF / "sense").glob("*.yaml")}
+    senses = sorted(names.keys() - ours - {"base"})  # base is what others begin with
+    if wrong := next((name for name in senses if not _is_free(name)), None):
+        raise UserError(
+            f"{names[wrong]} cannot be a sense, whose name is of English letters, digits and _ "
+            "and no other key of model; rename it."
+        )
     added = [f"+sense@model.{name}={name}" for name in senses]
     return [*overrides, *(item for item in added if item not in overrides)]
 
 
 def is_added(override: str) -> bool:
     """Return whether :func:`with_own_senses` adds an override, which nobody needs to read."""
-    return re.fullmatch(r"\+sense@model\.(\w+)=\1", override) is not None
+    return re.fullmatch(r"\+sense@model\.([\w-]+)=\1", override) is not None
+
+
+def _is_free(name: str) -> bool:
+    """Return whether a sense can have a name: Hydra reads it, and no key of the model has it."""
+    taken = hasattr(ModelConfig, name) or name in ModelConfig.__annotations__
+    return re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*", name) is not None and not taken
 
 
 def _is_fragment(file: Path, overrides: Sequence[str]) -> bool:
