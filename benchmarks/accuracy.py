@@ -35,7 +35,7 @@ from benchmarks._run import RESULTS
 from tex_lightning.core.console import console
 from tex_lightning.core.files import write_rows, write_text
 from tex_lightning.core.run_folder import predictions_of
-from tex_lightning.data.decode import SignalDecoder, read_trace
+from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.folds import is_tested, next_of_each, with_folds
 from tex_lightning.data.manifest import write_manifest
 from tex_lightning.data.readers import read_recordings
@@ -223,7 +223,7 @@ def read_rows(entry: Node) -> Rows:
     config = configured(*entry["reads"], *entry.get("keys", ())).data
     rows: Rows = read_recordings(config).of(entry.get("from", modality)).rows
     if window:
-        read = [read_trace(row.path, SignalDecoder(), row.sampling_rate)[0] for row in rows]
+        read = [SignalDecoder().read(row.path, row.sampling_rate)[0] for row in rows]
         sizes = [trace.shape[1] for trace in read]
         spans = [((n - window) // 2 / n, (n + window) // 2 / n) for n in sizes]
         rows = [replace(row, part=span) for row, span in zip(rows, spans, strict=True)]
@@ -298,7 +298,7 @@ def read_signals(rows: Rows, keys: Sequence[str]) -> list[_peers.Signal]:
         return [(cv2.imread(str(row.path))[..., ::-1].copy(), 1.0) for row in rows]
     decoder, signals = SignalDecoder(channels=configured(*keys).data.channels), []
     for row in rows:
-        trace, rate, _ = read_trace(row.path, decoder, row.sampling_rate)
+        trace, rate, _ = decoder.read(row.path, row.sampling_rate)
         signals.append((cut_part(trace, row.part, row.path), rate))
     return signals
 

@@ -7,7 +7,7 @@ from conftest import make_card
 from torch import nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.data.decode import SignalDecoder
+from tex_lightning.data.decode import SignalDecoder, SourceSignal
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
@@ -38,6 +38,24 @@ class Loudness(nn.Module):
     def features(self, x, level):
         means = x.unfold(-1, 4, 4).mean(dim=-1)  # (batch, 1, positions)
         return self.weights @ means + torch.tensor([[-0.5], [0.0], [0.5]])
+
+
+class Bytes(SignalDecoder):
+    """Files of unsigned bytes at 500 Hz."""
+
+    def read(self, path, rate=None):
+        return SourceSignal(np.frombuffer(path.read_bytes(), np.uint8)[None] / 255, 500.0)
+
+
+def test_a_format_of_the_user_is_read_by_one_method(tmp_path):
+    path, sense = tmp_path / "a.bytes", own()
+    path.write_bytes(bytes(np.random.default_rng(0).integers(0, 256, 600, np.uint8)))
+    sense.decoder = Bytes(RATE, RATE)
+    row, store = Recording("oak", "force", path, 0), Store(tmp_path, {"force": sense.decoder})
+    assert not store.fill([row])
+    assert (store.rate(row), store.shape(row)) == (500, (1, 1200))
+    predicted, _ = sense.decode_input(path, {})
+    np.testing.assert_array_equal(predicted, store.load(row))
 
 
 def own() -> SignalSense:

@@ -46,6 +46,14 @@ class Decoded(NamedTuple):
     reading: Reading | None = None
 
 
+class SourceSignal(NamedTuple):
+    """A signal at the rate of its file: samples (axes, samples), rate in Hz, and its reading."""
+
+    samples: npt.NDArray[np.floating]
+    rate: float
+    reading: Reading = Reading(rate_from="its format")
+
+
 @dataclass(frozen=True)
 class SignalDecoder:
     """Decoder of signals: traces and sounds, (axes, samples) float32.
@@ -95,9 +103,29 @@ class SignalDecoder:
             UserError: If the file is missing, empty, damaged, of another shape, or holds NaN, or if
                 it states another rate.
         """
-        samples, source, reading = read_trace(path, self, rate)
+        samples, source, reading = self.read(path, rate)
         trace = to_rate(samples, source, self.sampling_rate, f"Trace {path}")
         return Decoded(trace, source, reading)
+
+    def read(self, path: Path, rate: float | None = None) -> SourceSignal:
+        """Read a trace at the rate of its file; a decoder of another format replaces this method.
+
+        The rate is that of the file's header or column of time, else ``rate``, else
+        :attr:`file_rate`. Arguments and errors are those of :meth:`decode`.
+        """
+        samples, source, reading = read_once(read_samples, path, self.channels, self.time_unit)
+        check_samples(samples, f"Trace {path}")
+        if source is None and rate is not None:
+            return SourceSignal(samples, rate, replace(reading, rate_from="the manifest or reader"))
+        if source is None:
+            origin = f"{ASSUMED} (data.file_rate=HZ gives it)" if self.assumes else "data.file_rate"
+            return SourceSignal(samples, self.file_rate, replace(reading, rate_from=origin))
+        if rate is not None and not math.isclose(source, rate, rel_tol=RATE_TOLERANCE):
+            raise UserError(
+                f"Trace {path} has {source:,.6g} Hz by its header or column of time, but "
+                f"{rate:,.6g} Hz by the manifest or reader; correct or remove one of them."
+            )
+        return SourceSignal(samples, source, reading)
 
     def assuming(
         self,
@@ -203,35 +231,6 @@ def _are_channels(channels: Sequence[Any]) -> bool:
         if (type(each) is int and 0 <= each < MAX_AXES) or (isinstance(each, str) and each)
     }
     return not isinstance(channels, str) and 0 < len(kept) == len(channels)
-
-
-class SourceSignal(NamedTuple):
-    """A signal at the rate of its file: samples (axes, samples), rate in Hz, and its reading."""
-
-    samples: npt.NDArray[np.floating]
-    rate: float
-    reading: Reading
-
-
-def read_trace(path: Path, settings: SignalDecoder, rate: float | None = None) -> SourceSignal:
-    """Read a trace at the rate of its file.
-
-    The rate is that of the file's header or column of time, else ``rate``, else ``file_rate`` of
-    the settings. Arguments and errors are those of :meth:`SignalDecoder.decode`.
-    """
-    samples, source, reading = read_once(read_samples, path, settings.channels, settings.time_unit)
-    check_samples(samples, f"Trace {path}")
-    if source is None and rate is not None:
-        return SourceSignal(samples, rate, replace(reading, rate_from="the manifest or reader"))
-    if source is None:
-        origin = f"{ASSUMED} (data.file_rate=HZ gives it)" if settings.assumes else "data.file_rate"
-        return SourceSignal(samples, settings.file_rate, replace(reading, rate_from=origin))
-    if rate is not None and not math.isclose(source, rate, rel_tol=RATE_TOLERANCE):
-        raise UserError(
-            f"Trace {path} has {source:,.6g} Hz by its header or column of time, but {rate:,.6g} "
-            "Hz by the manifest or reader; correct or remove one of them."
-        )
-    return SourceSignal(samples, source, reading)
 
 
 MAX_KEPT = 1 << 28  # bytes of samples; a file beyond them is read again

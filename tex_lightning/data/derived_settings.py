@@ -24,7 +24,6 @@ from tex_lightning.data.decode import (
     SourceSignal,
     check_decoding,
     keeping_traces,
-    read_trace,
 )
 from tex_lightning.data.folds import count_folds
 from tex_lightning.data.readers import read_recordings
@@ -194,7 +193,7 @@ def _rate(row: Recording, data: DataConfig, channels: list[int | str] | None) ->
 def _readable(row: Recording, decoder: SignalDecoder) -> SourceSignal | None:
     """Read a trace; None of one that cannot be read, which is said later of all together."""
     try:
-        return read_trace(row.path, decoder, row.sampling_rate)
+        return decoder.read(row.path, row.sampling_rate)
     except UserError:
         return None
 

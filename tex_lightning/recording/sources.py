@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from tex_lightning.config.data import SourceConfig
 from tex_lightning.core.files import standard_input
-from tex_lightning.data.decode import RATE_TOLERANCE, SignalDecoder, read_trace
+from tex_lightning.data.decode import RATE_TOLERANCE, SignalDecoder
 from tex_lightning.errors import UserError, reason, shorten
 from tex_lightning_runtime.files import expanded
 from tex_lightning_runtime.samples import check_samples
@@ -199,7 +199,7 @@ def _open_serial(library: Any, port: str, baud: int) -> Iterator[Read]:  # noqa:
 def _recorded_file(path: Path, name: str, key: str, rate: int | None) -> Source:
     """Read a recording as ``task=predict`` does; its rate has to be known."""
     given = math.nan if rate is None else rate
-    samples, source, _ = read_trace(path, SignalDecoder(file_rate=given))
+    samples, source, _ = SignalDecoder(file_rate=given).read(path)
     if math.isnan(source):
         raise _no_rate(name, key)
     if abs(source - given) > RATE_TOLERANCE * source:  # not if none is given

@@ -19,7 +19,7 @@ from tex_lightning.core.console import log_once
 from tex_lightning.core.devices import is_at_hand
 from tex_lightning.core.progress import track
 from tex_lightning.data.banks import Bank, Indices, InputBank
-from tex_lightning.data.decode import Array, SignalDecoder, read_trace
+from tex_lightning.data.decode import Array, SignalDecoder
 from tex_lightning.data.recordings import Recording, plural
 from tex_lightning.data.store import Loaded, Store, load_recording
 from tex_lightning.errors import UserError
@@ -265,7 +265,7 @@ class SignalSense(Sense):
         decoder = self.decoder.assuming(rate, channels, time_unit)
         if isinstance(recording, str | Path):
             path = expanded(recording)
-            raw, source, reading = read_trace(path, decoder)
+            raw, source, reading = decoder.read(path)
             name = f"Trace {path}"
             log_once(log, f"Reads {plural(self.modality)}: {reading.said(source)}.")
             for note in reading.notes:

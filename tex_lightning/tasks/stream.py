@@ -12,7 +12,6 @@ from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import log_once, print_line
 from tex_lightning.core.files import standard_input
-from tex_lightning.data.decode import read_trace
 from tex_lightning.errors import UserError
 from tex_lightning.inference.prediction import Prediction
 from tex_lightning.inference.predictor import Predictor
@@ -80,7 +79,7 @@ def _open(config: Config, sense: SignalSense, file: str) -> tuple[float, Iterato
     decoder = sense.decoder.assuming(data.file_rate, data.channels, data.time_unit)
     if decoder.channels and all(isinstance(channel, int) for channel in decoder.channels):
         decoder = replace(decoder, channels=None)  # not yet; names are those of the file
-    trace, rate, reading = read_trace(expanded(file), decoder)
+    trace, rate, reading = decoder.read(expanded(file))
     log_once(log, f"Reads {reading.said(rate)}.")
     size = max(1, round(config.stream.chunk * rate))
     return rate, (trace[:, i : i + size] for i in range(0, trace.shape[1], size))
