@@ -102,6 +102,20 @@ class Descent(torch.optim.SGD):
         super().__init__(params, lr=lr)
 
 
+class Slipping(torch.optim.SGD):
+    """An optimiser that takes no step."""
+
+    def step(self, closure: Any = None) -> Any:
+        raise KeyError("boom of a user")
+
+
+class FewArguments(Callback):
+    """Has a method that forgets the module."""
+
+    def on_train_epoch_end(self, trainer: Any) -> None:  # type: ignore[override]
+        pass
+
+
 class Breaking(Callback):
     """Fails in the midst of a training."""
 

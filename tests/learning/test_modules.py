@@ -13,7 +13,9 @@ from torch import nn
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.vote import random_tuples
 from tex_lightning.config import TrainerConfig
+from tex_lightning.config.mistakes import to_user_error
 from tex_lightning.core.console import Screen
+from tex_lightning.core.contract import fault_of
 from tex_lightning.data.banks import InputBank
 from tex_lightning.data.datamodule import SurfaceData, TrainingBatches
 from tex_lightning.errors import UserError
@@ -101,6 +103,20 @@ def test_an_optimizer_gets_the_learning_rate_if_it_has_no_default_of_it():
     node = {"_target_": "own_parts.Descent", "_partial_": True}
     made = module("haptic", optimizer=node).configure_optimizers()["optimizer"]
     assert made.defaults["lr"] == module("haptic").fit_config["learning_rate"]
+
+
+def test_what_an_optimizer_or_a_schedule_raises_is_told_with_its_key():
+    model = module("haptic", optimizer={"_target_": "own_parts.Slipping", "_partial_": True})
+    made = model.configure_optimizers()
+    with pytest.raises(KeyError) as caught:
+        made["optimizer"].step()
+    assert fault_of(caught.value) == "model.haptic.fit.optimizer (Slipping) raised KeyError."
+    schedule = made["lr_scheduler"]["scheduler"]
+    schedule.last_epoch = schedule.total_steps  # as a callback that trains for longer leads to
+    with pytest.raises(ValueError, match="Tried to step") as beyond:
+        schedule.step()
+    said = "model.haptic.fit.schedule (OneCycleLR) fails: Tried to step"
+    assert str(to_user_error(beyond.value, began=True)).startswith(said)
 
 
 @pytest.mark.parametrize("target", [f"{SCHEDULES}.ReduceLROnPlateau", "torch.nn.Identity"])

@@ -4,6 +4,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from conftest import make_card, save_checkpoint
@@ -30,6 +31,23 @@ def test_a_write_that_fails_leaves_the_earlier_checkpoint_whole(tmp_path: Path) 
         CheckpointFiles().save_checkpoint({"weight": torch.ones(1000), "x": Unsaveable()}, path)
     assert torch.load(path, weights_only=True) == {"epoch": 1}
     assert [*tmp_path.iterdir()] == [path]
+
+
+@pytest.mark.parametrize("state", [{"best": np.float64(1)}, {"act": lambda: 1}, {"at": Path()}])
+def test_a_state_that_no_checkpoint_gives_back_ends_the_first_epoch(tmp_path, state):
+    path = tmp_path / "last.ckpt"
+    with pytest.raises(UserError, match=r"^The state_dict of the callback Diary is not"):
+        CheckpointFiles().save_checkpoint({"callbacks": {"Diary": state}}, path)
+    CheckpointFiles().save_checkpoint({"callbacks": {"Diary": {"shadow": torch.ones(1)}}}, path)
+    assert torch.load(path, weights_only=True)["callbacks"]["Diary"]["shadow"] == 1
+
+
+def test_a_callback_whose_method_takes_other_arguments_is_refused():
+    said = (
+        r"^callbacks\.mine \(FewArguments\) has on_train_epoch_end, which takes trainer, where it"
+    )
+    with pytest.raises(UserError, match=f"{said} gets trainer, pl_module; a callback's methods"):
+        build_callbacks({"mine": {"_target_": "own_parts.FewArguments"}}, {})
 
 
 def test_what_a_callback_raises_is_told_with_its_key():

@@ -34,6 +34,7 @@ CONTRACTS = {
     "baseline": "a baseline has fit(recordings, labels, seed), logits(recording), which gives a "
     "tensor of finite scores (classes, fragments), state(), load_state(state) and "
     "count_parameters()",
+    "callback": "a callback's methods take what those of Lightning's Callback take",
     "reader": "a reader has read(), which returns tex_lightning.Recordings",
     "sense": "a sense derives from SignalSense or PhotoSense, and its decoder can be pickled for "
     "the processes that load data",

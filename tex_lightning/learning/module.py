@@ -20,6 +20,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, EngineConfig
 from tex_lightning.config.instantiation import build, call
 from tex_lightning.config.model import FUSION
+from tex_lightning.core.contract import keep_key
 from tex_lightning.core.devices import full_precision, has_to_repeat
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.errors import UserError
@@ -245,6 +246,8 @@ class SurfaceModule(LightningModule):
                 f"{where}.schedule is {type(scheduler).__name__}, which does not go by the number "
                 "of the step; choose a class that does, such as torch.optim.lr_scheduler.StepLR."
             )
+        keep_key(optimizer, f"{where}.optimizer")
+        keep_key(scheduler, f"{where}.schedule")
         return {
             "optimizer": optimizer,
             "lr_scheduler": {"scheduler": scheduler, "interval": "step"},

@@ -1,5 +1,6 @@
 """Make Lightning's Trainer, and let it take the steps of a training."""
 
+import inspect
 import logging
 import re
 import signal
@@ -7,7 +8,6 @@ import threading
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from inspect import signature
 from pathlib import Path
 from typing import Any, ClassVar, cast
 
@@ -19,10 +19,12 @@ from lightning.pytorch.callbacks import ProgressBar as LightningProgressBar
 from lightning.pytorch.loggers import Logger
 from lightning.pytorch.trainer.states import TrainerStatus
 
+from tex_lightning.classifier.contract_check import saved
 from tex_lightning.config import TrainerConfig
 from tex_lightning.config.instantiation import build, build_derived
 from tex_lightning.config.nodes import is_node
 from tex_lightning.core.console import DEBUG, Screen, log_once
+from tex_lightning.core.contract import check_call
 from tex_lightning.core.files import write_atomically
 from tex_lightning.core.progress import Stage, hidden
 from tex_lightning.core.run_folder import SUFFIX
@@ -133,6 +135,8 @@ class CheckpointFiles(TorchCheckpointIO):
     Lightning writes them to memory first, which takes three times as long.
     """
 
+    checked = False
+
     def save_checkpoint(
         self,
         checkpoint: dict[str, Any],
@@ -142,8 +146,17 @@ class CheckpointFiles(TorchCheckpointIO):
         """Write the whole file, or leave the earlier one.
 
         Raises:
-            UserError: If it cannot be written.
+            UserError: If it cannot be written, or a callback's state not be read again.
         """
+        for name, state in {} if self.checked else checkpoint.get("callbacks", {}).items():
+            try:
+                saved(state)
+            except Exception as error:  # PyTorch and pickle have one for each kind of object
+                raise UserError(
+                    f"The state_dict of the callback {name} is not of plain values and tensors, "
+                    "which alone are read from a checkpoint; convert what else it has."
+                ) from error
+        self.checked = True
         write_atomically(Path(path), lambda partial: torch.save(checkpoint, partial))
 
 
@@ -204,7 +217,7 @@ def make_trainer(
         unknown = UNKNOWN_FLAG.search(str(error))
         name = unknown[1] if unknown else ""
         ours = f", or give model.{working.name}.fit.{name}" if name in fit else ""
-        near = nearest(name, signature(Trainer).parameters, "trainer.") if name else ""
+        near = nearest(name, inspect.signature(Trainer).parameters, "trainer.") if name else ""
         raise UserError(
             f"Lightning's Trainer rejects a flag of trainer: {reason(error)}{near}; correct that "
             f"flag{ours}."
@@ -252,6 +265,11 @@ def build_callbacks(nodes: Mapping[str, Any], flags: Mapping[str, Any]) -> list[
         UserError: If one cannot be made.
     """
     callbacks = [build_derived(f"callbacks.{name}", node, Callback) for name, node in nodes.items()]
+    hooks = {n: x for n, x in vars(Callback).items() if inspect.isfunction(x) and n[0] != "_"}
+    for key, callback in zip(nodes, callbacks, strict=True):
+        part = f"callbacks.{key}", "callback", callback
+        for name, hook in hooks.items():
+            check_call(part, getattr(callback, name), *[*inspect.signature(hook).parameters][1:])
     if flags.get("enable_progress_bar", True):
         return callbacks
     return [callback for callback in callbacks if not isinstance(callback, LightningProgressBar)]
