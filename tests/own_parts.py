@@ -32,7 +32,7 @@ class MemoryLogger(Logger):
     def experiment(self) -> None:
         return None
 
-    def log_metrics(self, metrics: dict[str, float], step: int | None = None) -> None:
+    def log_metrics(self, metrics: dict[str, float], step: int | None) -> None:
         for name, value in metrics.items():
             self.metrics.setdefault(name, []).append(value)
 
@@ -100,6 +100,13 @@ class Descent(torch.optim.SGD):
 
     def __init__(self, params: Any, lr: float) -> None:
         super().__init__(params, lr=lr)
+
+
+class Bytes(nn.Module):
+    """Patches as whole numbers, which are no longer in [0, 1]."""
+
+    def forward(self, patches: torch.Tensor) -> torch.Tensor:
+        return (255 * patches).byte()
 
 
 class Slipping(torch.optim.SGD):

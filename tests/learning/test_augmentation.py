@@ -47,3 +47,7 @@ def test_what_fails_on_patches_is_said(batch):
         UserError, match=r"returned a Tensor of float32 of shape \(2, 150528\) for a batch of 2"
     ):
         flat.inputs(batch)
+    with pytest.raises(
+        UserError, match=r"\(Bytes\) returned a Tensor of uint8 of shape \(2, 3, 224"
+    ):
+        module({"_target_": "own_parts.Bytes"}).inputs(batch)

@@ -202,7 +202,7 @@ def log_test(
     for logger in loggers:
         if not isinstance(logger, TensorBoardLogger):
             logger.log_hyperparams(_hyper_parameters(config, name))
-            logger.log_metrics(metrics)
+            logger.log_metrics(metrics=metrics, step=None)  # as Lightning calls it
         show(logger, "test", artifacts, metrics, trial)
         if not isinstance(logger, TensorBoardLogger):  # whose file is closed
             logger.finalize("success")

@@ -144,7 +144,12 @@ def augment(key: str, augmentation: Callable[[Tensor], Any], patches: Tensor) ->
     part = key, "augmentation", augmentation
     with calling(*part):
         pixels: object = augmentation(patches)
-    if not isinstance(pixels, Tensor) or pixels.dim() != 4 or len(pixels) != len(patches):
+    if (
+        not isinstance(pixels, Tensor)
+        or not pixels.is_floating_point()
+        or pixels.dim() != 4
+        or len(pixels) != len(patches)
+    ):
         raise breach(*part, f"returned {describe_value(pixels)} for a batch of {len(patches)}")
     if not bool(pixels.isfinite().all()):
         raise breach(*part, "gave NaN or infinity")
