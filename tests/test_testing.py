@@ -387,6 +387,9 @@ class Alone:
 def test_what_is_no_part_is_said():
     with pytest.raises(UserError, match="names Alone, which is no baseline; derive it from"):
         check_part(Alone())
+    other = type("Other", (Loudness,), {"kind": "force"})
+    with pytest.raises(UserError, match="names Other, whose kind is force; let it be haptic for"):
+        check_part(other())
     with pytest.raises(UserError, match="str is no part that is known; give kind"):
         check_part("a string")
     with pytest.raises(UserError, match="kind=layer is no kind of part; give network, features"):

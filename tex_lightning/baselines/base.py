@@ -84,8 +84,8 @@ def _check(content: bytes, more: Sequence[str]) -> None:
     if rejected:
         raise UserError(
             f"The estimator holds {listed(sorted(rejected))}, which a checkpoint may not; a "
-            "baseline of your own names such classes in estimator_classes, and functions cannot be "
-            "kept."
+            "baseline of your own names such classes in estimator_classes; functions, and objects "
+            "of C such as trees, cannot be kept."
         )
 
 

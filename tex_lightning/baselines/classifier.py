@@ -58,10 +58,10 @@ def make_baseline(name: str, node: Mapping[str, Any], budget: float) -> "Baselin
 
 
 def check_is_baseline(name: str, baseline: object) -> None:
-    """Reject an object of the class ``name`` that does not derive from the base of all baselines.
+    """Reject an object of the class ``name`` that is no baseline of signals or of photos.
 
     Raises:
-        UserError: If it does not.
+        UserError: If it does not derive from the base of all baselines, or has no kind.
     """
     from tex_lightning.baselines.base import Baseline
 
@@ -69,6 +69,11 @@ def check_is_baseline(name: str, baseline: object) -> None:
         raise UserError(
             f"{WHERE} names {name}, which is no baseline; derive it from "
             f"{Baseline.__module__}.{Baseline.__name__}."
+        )
+    if (kind := getattr(baseline, "kind", None)) not in ("haptic", "visual"):
+        raise UserError(
+            f"{WHERE} names {name}, whose kind is {kind}; let it be haptic for signals of any "
+            "modality, or visual for photos."
         )
 
 
