@@ -171,9 +171,10 @@ def perturb(part: Part, function: Function, recording: Array, value: float, scen
 def _function(kind: Perturbation) -> Function:
     name = kind.function or kind.name
     known: dict[str, Any] = {**vars(pixels), **vars(traces)}
-    if not kind.is_users and name not in known:
-        raise ValueError(f"{kind.name} names {name}, which is no function of the package")
-    function: Function = resolve("stability.severities", name) if kind.is_users else known[name]
+    function: Any = resolve("stability.severities", name) if kind.is_users else known.get(name)
+    if not callable(function):
+        whose = "" if kind.is_users else " of the package"
+        raise ValueError(f"{kind.name} names {name}, which is no function{whose}")
     return function
 
 
