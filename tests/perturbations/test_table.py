@@ -182,7 +182,7 @@ def test_a_users_table_names_any_modality(tmp_path):
     [
         (f"image: {{jpeg: {{function: darkness, {LEVELS}}}}}", "jpeg is the name of one"),
         (f"force: {{weak: {{function: weaker, {LEVELS}}}}}", "which is no function of the package"),
-        (f"force: {{weak: {{function: math.pi, {LEVELS}}}}}", "names math.pi, which is no function;"),
+        (f"force: {{weak: {{function: math.pi, {LEVELS}}}}}", "math.pi, which is no function;"),
         (f"force: {{weak: {{{LEVELS}}}}}", "names weak, which is no function of the package"),
         (f"a: {{x: {{function: force, {LEVELS}}}}}\nb: {{x: {{function: force, {LEVELS}}}}}",
          "x is there twice"),
