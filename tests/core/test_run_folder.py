@@ -89,6 +89,25 @@ def test_a_folder_of_another_run_is_refused_by_the_key_that_chose_it(tmp_path, o
         claim_folder(OmegaConf.create(), {"seed": 2}, job)
 
 
+def test_a_run_goes_on_beside_senses_that_came_to_the_folder_since(tmp_path):
+    base = {"model.senses": ["force"], "model.force._target_": "a", "model.force.width": 1}
+    folder = make(tmp_path, "force", **base)
+    job = SimpleNamespace(
+        directory=folder, origin="command", hydra=OmegaConf.create(), overrides=()
+    )
+    claim_folder(
+        OmegaConf.create(), {**base, "model.heat._target_": "b", "model.heat.width": 2}, job
+    )
+    claim_folder(OmegaConf.create(), base, job)
+    wrong = (
+        {"model.force.width": 2}, {"model.baseline._target_": "b"}, {"data.reader._target_": "b"},
+        {"model.senses": ["force", "heat"], "model.heat._target_": "b"},
+    )  # fmt: skip
+    for change in wrong:
+        with pytest.raises(UserError, match=f"another {min(change)}"):
+            claim_folder(OmegaConf.create(), {**base, **change}, job)
+
+
 @pytest.mark.parametrize("number", [errno.ENOLCK, errno.EOPNOTSUPP])
 def test_a_file_system_without_locks_is_said_and_works(tmp_path, monkeypatch, caplog, number):
     def no_lock(*_: object) -> None:

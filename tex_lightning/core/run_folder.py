@@ -109,7 +109,8 @@ def claim_folder(composed: DictConfig, values: dict[str, Any], job: "Job") -> No
     wanted = {key: value for key, value in values.items() if not key.startswith(FREE_KEYS)}
     if note.is_file() and holds_work(directory):
         before = read_record(note)
-        differing = sorted(key for key in {*wanted, *before} if wanted.get(key) != before.get(key))
+        keys = (key for key in {*wanted, *before} if not _is_beside(key, wanted, before))
+        differing = sorted(key for key in keys if wanted.get(key) != before.get(key))
         if differing:
             differing = ["task"] if "task" in differing else differing  # which brings the others
             raise UserError(
@@ -124,6 +125,15 @@ def claim_folder(composed: DictConfig, values: dict[str, Any], job: "Job") -> No
         ("overrides", OmegaConf.create(list(job.overrides))),
     ):
         write_text(directory / ".hydra" / f"{name}.yaml", OmegaConf.to_yaml(content))
+
+
+def _is_beside(key: str, settings: dict[str, Any], earlier: dict[str, Any]) -> bool:
+    """Return whether a key is of a sense that no run uses, and a user's folder has or had."""
+    section, _, rest = key.partition(".")
+    name, used = rest.partition(".")[0], ("baseline", *(settings.get("model.senses") or ()))
+    target = f"model.{name}._target_"
+    known = (target in settings) == (target in earlier)
+    return section == "model" and not known and name not in used
 
 
 def subject(*, _root_: DictConfig) -> str:
