@@ -54,3 +54,16 @@ def test_what_cannot_be_printed_is_not_the_run_folder():
     assert str(to_user_error(full, began=False)).startswith("The output cannot be written ([Errno")
     full.filename = "outputs"
     assert str(to_user_error(full, began=False)).startswith("The run folder cannot be made ([Errno")
+
+
+def test_slips_of_hydras_own_are_told_with_their_remedy(cli, tmp_path):
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment" / "mine.yaml").write_text("seed: 9\n")
+    for given, said in (
+        (["experiment=mine"], "In 'experiment/mine': .* begin this file with # @package _global_"),
+        (["+experiment=few/haptic"], "experiment has an option already, give experiment=NAME with"),
+        (["--cfg=job", "--resolve", "seed=${oc.env:NOPE}"], "A value cannot be used: .*'NOPE' not"),
+    ):
+        outcome = cli(f"--config-dir={tmp_path}", *given)
+        assert (outcome.status, outcome.err.count("\n")) == (2, 1)
+        assert re.search(said, outcome.err)

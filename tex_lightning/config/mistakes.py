@@ -49,6 +49,9 @@ WORDS = {  # of Hydra and OmegaConf, and ours
     "^Cannot merge DictConfig with ListConfig$": "one of names and values, and a list, is given",
     "^Config group override must be a string or a list.*": "an option is a name, or left out by "
     "~GROUP, as in ~logger",
+    "^Key '(experiment|debug)' not in 'Config'$": "begin this file with # @package _global_",
+    r"^Multiple values for (\w+)\. To override a value.*": r"\1 has an option already, give "
+    r"\1=NAME without a plus sign, or - override /\1: NAME in a file",
 }
 NO_TRIAL = "No trials are completed yet."  # of Optuna, where all of them failed
 MANY = 4  # keys that a wrong one may stand for
@@ -174,9 +177,8 @@ def _unresolved(error: OmegaConfBaseException) -> UserError:
     wrong = re.fullmatch("Interpolation key '(.*)' not found", said)
     near = _near_keys(wrong[1], root._get_root()) if wrong and root is not None else []
     meant = f" (did you mean {' or '.join(near)}?)" if near else ""
-    return UserError(
-        f"{error.full_key} cannot be used: {reason(said)}{meant}; correct what stands in ${{…}}."
-    )
+    key = error.full_key or "A value"
+    return UserError(f"{key} cannot be used: {reason(said)}{meant}; correct what stands in ${{…}}.")
 
 
 def unknown_key(key: str, config: DictConfig) -> UserError:
