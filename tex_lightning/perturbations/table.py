@@ -171,11 +171,13 @@ def perturb(part: Part, function: Function, recording: Array, value: float, scen
 def _function(kind: Perturbation) -> Function:
     name = kind.function or kind.name
     known: dict[str, Any] = {**vars(pixels), **vars(traces)}
-    function: Any = resolve("stability.severities", name) if kind.is_users else known.get(name)
-    if not callable(function):
+    given: Function | None = (
+        resolve("stability.severities", name) if kind.is_users else known.get(name)
+    )
+    if not callable(given):
         whose = "" if kind.is_users else " of the package"
         raise ValueError(f"{kind.name} names {name}, which is no function{whose}")
-    return function
+    return given
 
 
 @dataclass(frozen=True)
