@@ -123,6 +123,15 @@ class FewArguments(Callback):
         pass
 
 
+class SeesBatches(Callback):
+    """Leaves out the argument that Lightning leaves out where there is one loader of data."""
+
+    def on_validation_batch_end(  # type: ignore[override]
+        self, trainer: Any, pl_module: Any, outputs: Any, batch: Any, batch_idx: int
+    ) -> None:
+        pass
+
+
 class Breaking(Callback):
     """Fails in the midst of a training."""
 

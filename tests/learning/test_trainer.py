@@ -48,6 +48,8 @@ def test_a_callback_whose_method_takes_other_arguments_is_refused():
     )
     with pytest.raises(UserError, match=f"{said} gets trainer, pl_module; a callback's methods"):
         build_callbacks({"mine": {"_target_": "own_parts.FewArguments"}}, {})
+    (callback,) = build_callbacks({"mine": {"_target_": "own_parts.SeesBatches"}}, {})
+    assert type(callback).__name__ == "SeesBatches"
 
 
 def test_what_a_callback_raises_is_told_with_its_key():

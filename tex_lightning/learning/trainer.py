@@ -265,11 +265,15 @@ def build_callbacks(nodes: Mapping[str, Any], flags: Mapping[str, Any]) -> list[
         UserError: If one cannot be made.
     """
     callbacks = [build_derived(f"callbacks.{name}", node, Callback) for name, node in nodes.items()]
-    hooks = {n: x for n, x in vars(Callback).items() if inspect.isfunction(x) and n[0] != "_"}
     for key, callback in zip(nodes, callbacks, strict=True):
-        part = f"callbacks.{key}", "callback", callback
-        for name, hook in hooks.items():
-            check_call(part, getattr(callback, name), *[*inspect.signature(hook).parameters][1:])
+        for name, hook in vars(Callback).items():
+            if inspect.isfunction(hook) and name[0] != "_":
+                given = [*inspect.signature(hook).parameters.values()][1:]
+                # Lightning leaves out dataloader_idx, the only one with a default, where it can
+                least = (argument.name for argument in given if argument.default is argument.empty)
+                check_call(
+                    (f"callbacks.{key}", "callback", callback), getattr(callback, name), *least
+                )
     if flags.get("enable_progress_bar", True):
         return callbacks
     return [callback for callback in callbacks if not isinstance(callback, LightningProgressBar)]
