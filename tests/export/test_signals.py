@@ -55,18 +55,18 @@ def test_spectrogram(axes, options):
     assert int(found_start) == start
 
 
-@pytest.mark.parametrize("offset", [2, -12])  # a trend is taken out unless all are positive
-def test_proportions(offset):
+# a trend is taken out, and gravity tells the gain, unless all are positive
+@pytest.mark.parametrize(("offset", "gain"), [(2, 1), (-12, 0.1)])
+def test_proportions(offset, gain):
     features = BandProportions(
         sampling_rate=RATE, windows=[0.05, 5], bands_per_octave=[4, 6], thresholds=3,
         fragment_seconds=0.8, skip_impact=True, levels=3,
     )  # fmt: skip
     trace = recording(3)
-    features.learn(
-        [offset + recording(3).roll(37, dims=1)]
-    )  # of its own thresholds every value would be one
-    assert bool(features.detrends) == (offset < 0)
-    trace = trace + torch.linspace(0, 5, trace.shape[1])
+    # of its own thresholds every value would be one
+    features.learn([offset + recording(3).roll(37 + turn, dims=1) for turn in range(5)])
+    assert bool(features.detrends) == features.gravity.in_use == (offset < 0)
+    trace = gain * (offset + trace + torch.linspace(0, 5, trace.shape[1]))
     open_sizes = {"trace": {1: Dim.DYNAMIC}}
     graph = torch.export.export(
         ProportionsGraph(features), (trace,), dynamic_shapes=open_sizes, strict=False

@@ -158,6 +158,27 @@ def test_a_slow_signal_has_the_label_of_the_whole_recording():
         assert last.fragments == whole.fragments
 
 
+def test_a_stream_and_a_recording_of_an_accelerometer_in_another_unit_have_the_same_label():
+    rng = np.random.default_rng(0)
+
+    def recording(kind, seconds, unit=9.81):
+        time = np.arange(round(seconds * 50)) / 50
+        tone = (0.1 + 0.1 * kind) * np.sin(2 * np.pi * 6 * time + rng.uniform(0, 6))
+        axes = np.stack([tone, 0.1 + 0 * tone, 1 + 0 * tone])
+        return unit * (axes + 0.02 * rng.standard_normal(axes.shape))
+
+    labels = np.repeat([0, 1, 2], 4)
+    model = tl.Estimator("few/haptic", rate=50, verbose=0)
+    model.fit([recording(kind, 8) for kind in labels], labels)
+    for kind, unit in enumerate([1.0, 1000.0, 4.9]):
+        samples, stream = recording(kind, 20, unit), model.predictor_.stream()
+        *_, last = (stream.push(samples[:, i : i + 25]) for i in range(0, samples.shape[1], 25))
+        whole = model.predictor_.predict(haptic=samples)
+        assert last.label == whole.label == str(kind)
+        assert last.confidence == pytest.approx(whole.confidence, abs=0.1)
+        assert whole.confidence > 0.5
+
+
 def held(stream: LiveStream) -> int:
     """Bytes of the samples, frames and sums that a stream holds, but for its classifier."""
     (signal,), parts = stream.signals.values(), vars(stream.running_vote).values()

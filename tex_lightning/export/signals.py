@@ -229,7 +229,7 @@ class ProportionsGraph(nn.Module):
             start = traced_start(trace, features.sampling_rate)
             trace = movement(trace, start, features.min_samples)
             trace = without_rests(trace, features.sampling_rate, features.min_samples)
-        samples, trace = trace.shape[-1], features.filled(trace)
+        samples, trace = trace.shape[-1], features.prepared(trace)
         centred = trace - trace.mean(dim=-1, keepdim=True)
         responses = []
         for part, power in zip(features.used, self.powers, strict=True):

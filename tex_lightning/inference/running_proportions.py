@@ -85,7 +85,10 @@ class RunningProportionsVote(RunningVote):
             mean: (axes, 1) of the movement so far.
             whole: Whether everything left is meant.
         """
-        parts: list[tuple[OctaveBands, Tensor, int]] = []
+        gravity, parts = self.features.gravity, list[tuple[OctaveBands, Tensor, int]]()
+        if gravity.in_use:
+            gain = gravity.factors(mean[:, 0], movement.mean(dim=-1))
+            movement, mean = movement * gain, mean * gain
         for window in self.features.used:
             first, last = self._frame(window.hop), self._frame(window.hop, 1)
             before = max(0, first - OVERLAP)

@@ -17,6 +17,7 @@ from torch import Tensor, nn
 from tex_lightning.errors import UserError
 from tex_lightning.senses.features.movement import block_length, moving
 from tex_lightning.senses.features.spectrogram import MAX_WINDOW
+from tex_lightning.senses.gravity import GravityGain
 from tex_lightning.senses.moments import Moments
 from tex_lightning.senses.octave_bands import (
     MAX_BLOCK,
@@ -63,6 +64,9 @@ class BandProportions(nn.Module):
     - ``level``: mean and logarithm of the deviation of each channel; where all training samples of
       a channel are positive, as of a pressure, the mean is a logarithm too, so that a gain becomes
       a constant.
+
+    Where gravity tells that an accelerometer has another gain or unit, that is taken back
+    (:class:`~tex_lightning.senses.gravity.GravityGain`).
 
     Args:
         sampling_rate: Rate of the signals in Hz.
@@ -134,6 +138,7 @@ class BandProportions(nn.Module):
         self.register_buffer("positive", torch.zeros(self.levels, dtype=torch.bool))
         self.register_buffer("deviation", torch.ones(self.levels))
         self.register_buffer("detrends", torch.zeros((), dtype=torch.bool))
+        self.gravity = GravityGain(self.levels)
         self._note_learnt()
         loaded: Any = self.register_load_state_dict_post_hook  # it has no annotations
         loaded(BandProportions._note_learnt)
@@ -196,8 +201,9 @@ class BandProportions(nn.Module):
                 "record a longer stroke."
             )
 
-    def filled(self, movement: Tensor) -> Tensor:
-        """Return a movement (axes, samples), mirrored until the longest window fits it."""
+    def prepared(self, movement: Tensor) -> Tensor:
+        """Return a movement (axes, samples) at the usual gain, mirrored until each window fits."""
+        movement = self.gravity(movement)
         have, take = movement.shape[-1], self.longest.length
         if not torch.compiler.is_exporting() and have >= take:
             return movement
@@ -216,6 +222,7 @@ class BandProportions(nn.Module):
         chosen = range(0, len(traces), math.ceil(len(traces) / MAX_RECORDINGS))
         for window in self.windows:
             window.usual.forget()
+        self.gravity.take(None)
         held, counts = self._held(traces[number] for number in chosen)
         lengths = torch.tensor([window.length for window in self.windows])
         least = WINDOWS_IN_SLOW if self.levels else WINDOWS_IN_RECORDING
@@ -224,7 +231,7 @@ class BandProportions(nn.Module):
 
         def movements() -> Iterator[Tensor]:
             others = (self.movement(traces[number]) for number in chosen[len(held) :])
-            return (self.filled(movement) for movement in chain(held, others))
+            return (self.prepared(movement) for movement in chain(held, others))
 
         powers = [movement.var(dim=-1, correction=0).sum() for movement in movements()]
         level = torch.stack(powers).mean()
@@ -261,12 +268,15 @@ class BandProportions(nn.Module):
         super()._load_from_state_dict(state, prefix, *rest)
 
     def _learn_levels(self, movements: Callable[[], Iterator[Tensor]]) -> None:
-        """Find the channels that are positive, and the usual deviation of each."""
-        positive = [(movement > 0).all(dim=-1) for movement in movements()]
-        self.positive.copy_(torch.stack(positive).all(dim=0))
-        deviations = [movement.std(dim=-1, correction=0) for movement in movements()]
-        deviation = torch.stack(deviations).mean(dim=0)
+        """Find which channels are positive, the usual deviation of each, and gravity."""
+        found = [
+            ((x > 0).all(dim=-1), x.std(dim=-1, correction=0), x.mean(dim=-1)) for x in movements()
+        ]
+        positive, deviations, means = (torch.stack(values) for values in zip(*found, strict=True))
+        self.positive.copy_(positive.all(dim=0))
+        deviation = deviations.mean(dim=0)
         self.deviation.copy_(torch.where(deviation > 0, deviation, torch.ones_like(deviation)))
+        self.gravity.fit(means, self.positive)
 
     def forward(self, trace: Tensor) -> Tensor:
         """Map a trace (axes, samples) to features (1, 1, D, fragments).
@@ -291,7 +301,7 @@ class BandProportions(nn.Module):
 
     def describe(self, movement: Tensor) -> Tensor:
         """Map a movement (axes, samples) that was cut out to the same features."""
-        samples, movement = movement.shape[-1], self.filled(movement)
+        samples, movement = movement.shape[-1], self.prepared(movement)
         fewest = self.longest.count_frames(movement.shape[-1])
         fragments = min(fewest, self.count_fragments(samples))
         summaries = [
