@@ -171,11 +171,11 @@ def test_a_stream_and_a_recording_of_an_accelerometer_in_another_unit_have_the_s
     model = tl.Estimator("few/haptic", rate=50, verbose=0)
     model.fit([recording(kind, 8) for kind in labels], labels)
     for kind, unit in enumerate([1.0, 1000.0, 4.9]):
-        samples, stream = recording(kind, 20, unit), model.predictor_.stream()
+        samples, stream = recording(kind, 60, unit), model.predictor_.stream()
         *_, last = (stream.push(samples[:, i : i + 25]) for i in range(0, samples.shape[1], 25))
         whole = model.predictor_.predict(haptic=samples)
         assert last.label == whole.label == str(kind)
-        assert last.confidence == pytest.approx(whole.confidence, abs=0.1)
+        assert last.confidence == pytest.approx(whole.confidence, abs=0.02)
         assert whole.confidence > 0.5
 
 
