@@ -225,11 +225,12 @@ class ProportionsGraph(nn.Module):
     def forward(self, trace: Tensor) -> Tensor:
         """Map a trace (axes, samples) to proportions (1, 1, bands, fragments)."""
         features = self.features
+        trace = features.gravity(trace)
         if features.skip_impact:
             start = traced_start(trace, features.sampling_rate)
             trace = movement(trace, start, features.min_samples)
             trace = without_rests(trace, features.sampling_rate, features.min_samples)
-        samples, trace = trace.shape[-1], features.prepared(trace)
+        samples, trace = trace.shape[-1], features.filled(trace)
         centred = trace - trace.mean(dim=-1, keepdim=True)
         responses = []
         for part, power in zip(features.used, self.powers, strict=True):

@@ -33,6 +33,9 @@ class RunningProportionsVote(RunningVote):
         self.kept: Tensor | None = None
         self.first, self.sum = 0, torch.zeros(())
 
+    def _gain(self, beginning: Tensor) -> Tensor | float:
+        return self.features.gravity.gain(beginning)
+
     def _go_on(self, settled: MarkedSignal, rest: MarkedSignal) -> Vote:
         more, ahead = settled.movement, rest.movement
         self.kept = more if self.kept is None else torch.cat((self.kept, more), dim=1)
@@ -85,10 +88,7 @@ class RunningProportionsVote(RunningVote):
             mean: (axes, 1) of the movement so far.
             whole: Whether everything left is meant.
         """
-        gravity, parts = self.features.gravity, list[tuple[OctaveBands, Tensor, int]]()
-        if gravity.in_use:
-            gain = gravity.factors(mean[:, 0], movement.mean(dim=-1))
-            movement, mean = movement * gain, mean * gain
+        parts: list[tuple[OctaveBands, Tensor, int]] = []
         for window in self.features.used:
             first, last = self._frame(window.hop), self._frame(window.hop, 1)
             before = max(0, first - OVERLAP)

@@ -11,7 +11,7 @@ are subtracted again.
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import torch
 from torch import Tensor
@@ -68,7 +68,7 @@ class RunningVote(ABC):
         self.exact = max(math.ceil(EXACT_SECONDS * rate), EXACT_SAMPLES)
         self.rests = LiveRests(rate, skip)
         self.beginning: Tensor | None = None
-        self.began = False
+        self.began, self.gain = False, cast(Tensor | float, 1.0)
         network: Any = self.sense.network
         linear = isinstance(network, LinearNet) and network.scores.is_linear
         self.by_mean = linear and RULES[self.card.rule].by_mean_score  # one score decides
@@ -97,9 +97,15 @@ class RunningVote(ABC):
             rate = self.features.sampling_rate
             start = movement_start(whole, rate) if self.features.skip_impact else 0
             new, self.beginning, self.began = whole[:, start:], None, True
+            self.gain = self._gain(whole)
+        new, ahead = new * self.gain, ahead * self.gain
         threads = self.classifier.threads(self.name, new)
         with computing_threads(threads), full_precision(new.device):
             return self._go_on(*self.rests.push(new, ahead))
+
+    def _gain(self, beginning: Tensor) -> Tensor | float:
+        """Return by what the signal is multiplied, as its beginning (axes, samples) tells."""
+        return 1.0
 
     @abstractmethod
     def _go_on(self, settled: MarkedSignal, rest: MarkedSignal) -> Vote:

@@ -55,21 +55,19 @@ class GravityGain(FittedLater):
         if alike.any():
             self.take({"lengths": torch.where(alike, lengths.median(dim=0).values, 0)})
 
-    def forward(self, movement: Tensor) -> Tensor:
-        """Return a movement (channels, samples) at the gain of the training."""
-        if not self.in_use:
-            return movement
-        half = movement.shape[-1] // 2
-        first, last = (part.mean(dim=-1) for part in (movement[:, :half], movement[:, half:]))
-        return movement * self.factors(first, last)
+    def forward(self, trace: Tensor) -> Tensor:
+        """Return a trace (channels, samples) at the gain of the training."""
+        return trace * self.gain(trace) if self.in_use else trace
 
-    def factors(self, first: Tensor, last: Tensor) -> Tensor:
-        """Return by what each channel is to be multiplied (channels, 1).
+    def gain(self, trace: Tensor) -> Tensor | float:
+        """Return by what each channel of a trace (channels, samples) is multiplied (channels, 1).
 
-        Args:
-            first: Mean of each channel (channels,) in one part of the movement.
-            last: The same in another part.
+        Where nothing is ever, it is 1.
         """
+        if not self.in_use:
+            return 1.0
+        half = trace.shape[-1] // 2
+        first, last = trace[:, :half].mean(dim=-1), trace[:, half:].mean(dim=-1)
         found = _lengths(torch.stack((first, last)))
         length = found.mean(dim=0)
         steady = found.amax(dim=0) < OTHER * found.amin(dim=0)

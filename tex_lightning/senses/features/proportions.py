@@ -182,11 +182,12 @@ class BandProportions(nn.Module):
         return max(shortest, block_length(self.sampling_rate) if self.skip_impact else 0)
 
     def movement(self, trace: Tensor) -> Tensor:
-        """Return the movement (axes, samples) in a trace.
+        """Return the movement (axes, samples) in a trace, at the usual gain.
 
         Raises:
             UserError: If it is shorter than the shortest window, or 0.05 s.
         """
+        trace = self.gravity(trace)
         if self.skip_impact:
             trace = moving(trace, self.sampling_rate)
         self.check_length(trace)
@@ -201,9 +202,8 @@ class BandProportions(nn.Module):
                 "record a longer stroke."
             )
 
-    def prepared(self, movement: Tensor) -> Tensor:
-        """Return a movement (axes, samples) at the usual gain, mirrored until each window fits."""
-        movement = self.gravity(movement)
+    def filled(self, movement: Tensor) -> Tensor:
+        """Return a movement (axes, samples), mirrored until the longest window fits it."""
         have, take = movement.shape[-1], self.longest.length
         if not torch.compiler.is_exporting() and have >= take:
             return movement
@@ -231,7 +231,7 @@ class BandProportions(nn.Module):
 
         def movements() -> Iterator[Tensor]:
             others = (self.movement(traces[number]) for number in chosen[len(held) :])
-            return (self.prepared(movement) for movement in chain(held, others))
+            return (self.filled(movement) for movement in chain(held, others))
 
         powers = [movement.var(dim=-1, correction=0).sum() for movement in movements()]
         level = torch.stack(powers).mean()
@@ -301,7 +301,7 @@ class BandProportions(nn.Module):
 
     def describe(self, movement: Tensor) -> Tensor:
         """Map a movement (axes, samples) that was cut out to the same features."""
-        samples, movement = movement.shape[-1], self.prepared(movement)
+        samples, movement = movement.shape[-1], self.filled(movement)
         fewest = self.longest.count_frames(movement.shape[-1])
         fragments = min(fewest, self.count_fragments(samples))
         summaries = [
