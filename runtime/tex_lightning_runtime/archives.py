@@ -56,7 +56,12 @@ def signals_of(arrays: dict[str, Array]) -> tuple[dict[str, Array], float | None
     Raises:
         ValueError: If there is none, or several of other lengths or of the same name.
     """
-    parts = chain.from_iterable(_fields(*each) for each in arrays.items())
+    plain = (each.shape for each in arrays.values() if each.dtype.kind in NUMBERS)
+    longest = max(chain.from_iterable(plain), default=0)
+    parts = chain.from_iterable(
+        _fields(*item) for item in arrays.items()
+        if item[1].dtype.names is None or not 1 < item[1].size < longest  # events beside a signal
+    )  # fmt: skip
     kept = {name: each for name, each in parts if each.dtype.kind in f"{NUMBERS}M"}
     arrays = {name: _seconds(each) for name, each in kept.items()}
     said = (_rate(_leaf(name), float(each.item())) for name, each in arrays.items()

@@ -124,6 +124,16 @@ def test_fields_of_fields_are_columns_too(tmp_path):
         assert (rate, reading.axes) == (pytest.approx(500), ("x", "y"))
 
 
+def test_a_table_of_few_events_beside_a_signal_is_none_of_its_axes(tmp_path):
+    events = np.zeros(7, [("onset", "f8"), ("code", "i4")])
+    np.savez(
+        tmp_path / "a.npz", acc=SAMPLES, events=events, set=np.array([(500.0,)], [("fs", "f8")])
+    )
+    samples, rate, _ = read_samples(tmp_path / "a.npz")
+    np.testing.assert_array_equal(samples, SAMPLES.T)
+    assert rate == 500
+
+
 @pytest.mark.parametrize("suffix", [".npz", ".mat"])
 @pytest.mark.parametrize(
     ("arrays", "said"),
