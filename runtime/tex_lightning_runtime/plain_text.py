@@ -123,8 +123,12 @@ def read_plain(path: Path) -> bytes:
 
 
 def _is_json(content: bytes) -> bool:
-    """Return whether it is JSON, and not numbers, or flat objects of them, one a line."""
-    for text in (content, content.partition(b"\n")[0]):
+    """Return whether it is JSON, and not numbers, or flat objects of them, one a line.
+
+    A first line of settings, with a table below it, is a heading.
+    """
+    first, _, rest = content.partition(b"\n")
+    for text in (content, first) if rest.lstrip()[:1] in b"[{" else (content,):
         try:
             found = json.loads(text)
         except (ValueError, RecursionError):

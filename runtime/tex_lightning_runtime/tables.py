@@ -95,7 +95,8 @@ def separate_arrays(
 def _check_labels(frame: "pd.DataFrame") -> None:
     """Reject lines of fractions of which each begins or ends with a whole number, a label."""
     whole = [place for place, cells in enumerate(frame.dtypes) if cells.kind in "iu"]
-    if len(frame) >= MIN_LINES and whole in ([0], [len(frame.columns) - 1]):
+    at_ends = whole in ([0], [len(frame.columns) - 1])
+    if len(frame) >= MIN_LINES and at_ends and frame[whole[0]].any():  # axes may rest there
         raise TableError(
             f"has {len(frame)} recordings of a line by the label in each; write each into a file "
             "of its own, without its label, one sample a line"

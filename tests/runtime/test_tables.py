@@ -147,6 +147,9 @@ READ = {
     "a number of samples": (f"{COUNT * 1000}\n" + table(*XYZ), None),
     "a rate": ("2000\n" + table(*XYZ), RATE),
     "thousands": ("Abtastrate: 2.000 Hz\n" + table(*XYZ), RATE),
+    "settings in JSON": (
+        '{"fs": 2000, "axes": ["x", "y", "z"]}\n' + table(*XYZ, names="x,y,z\n"), RATE
+    ),
     "fs=": ("fs=2000\n" + table(*XYZ, names="x,y,z\n"), RATE),
     "# rate:": ("# rate: 2000 Hz\n" + table(*XYZ), RATE),
     "kHz": ("Sampling rate (kHz);2\n" + table(*XYZ, mark=";", comma=True, names="x;y;z\n"), RATE),
@@ -1386,6 +1389,9 @@ def test_an_axis_a_line(tmp_path):
     samples, _, reading = read_table(write(tmp_path, text))
     np.testing.assert_allclose(samples, AXES)
     assert reading.notes == (f"each of its 3 lines is read as an axis of {COUNT} samples",)
+    for form in ("0,{}\n", "{},0\n"):  # at rest, which is no label
+        text = "".join(form.format(",".join(each)) for each in (*XYZ, *XYZ))
+        assert read_table(write(tmp_path, text))[0].shape == (6, COUNT + 1)
 
 
 def test_a_time_in_an_array_is_told(tmp_path):
