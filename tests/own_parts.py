@@ -132,6 +132,23 @@ class SeesBatches(Callback):
         pass
 
 
+class TakesStage(Callback):
+    """Takes the stage as Lightning gives it, by its name, and has no use for two methods."""
+
+    on_train_start = None  # type: ignore[assignment]
+
+    def setup(self, trainer: Any, pl_module: Any, *, stage: str) -> None:
+        pass
+
+    def teardown(self, trainer: Any, pl_module: Any, **_: Any) -> None:
+        pass
+
+    def on_predict_batch_end(  # type: ignore[override]
+        self, trainer: Any, pl_module: Any, outputs: Any, batch: Any, batch_idx: int, loader: int
+    ) -> None:
+        pass
+
+
 class Breaking(Callback):
     """Fails in the midst of a training."""
 

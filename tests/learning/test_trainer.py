@@ -48,8 +48,10 @@ def test_a_callback_whose_method_takes_other_arguments_is_refused():
     )
     with pytest.raises(UserError, match=f"{said} gets trainer, pl_module; a callback's methods"):
         build_callbacks({"mine": {"_target_": "own_parts.FewArguments"}}, {})
-    (callback,) = build_callbacks({"mine": {"_target_": "own_parts.SeesBatches"}}, {})
-    assert type(callback).__name__ == "SeesBatches"
+    for name in ("SeesBatches", "TakesStage"):
+        (callback,) = build_callbacks({"mine": {"_target_": f"own_parts.{name}"}}, {})
+        assert type(callback).__name__ == name
+        callback.setup(None, None, stage="fit")  # as Lightning calls it
 
 
 def test_what_a_callback_raises_is_told_with_its_key():

@@ -7,7 +7,7 @@
 import importlib
 import inspect
 import pkgutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from traceback import walk_tb
 from typing import Any
@@ -158,24 +158,28 @@ def rejected_by_library(error: BaseException) -> str | None:
     return None
 
 
-def check_call(part: Part, called: Callable[..., object], *arguments: str) -> None:
+def check_call(
+    part: Part, called: Callable[..., object], *arguments: str, by_name: Sequence[str] = ()
+) -> None:
     """Reject a function or method that cannot be called with so many arguments.
 
     Args:
         part: Part that it belongs to.
         called: The function or bound method.
         arguments: Names of the arguments, as the contract has them.
+        by_name: Those that are given by their names.
 
     Raises:
         UserError: Naming what it takes, and what it gets.
     """
     try:
-        inspect.signature(called).bind(*arguments)
+        inspect.signature(called).bind(*arguments, **dict.fromkeys(by_name))
     except ValueError:  # of a function in C
         return
     except TypeError as error:
         takes = ", ".join(inspect.signature(called).parameters) or "nothing"
-        name, gets = getattr(called, "__name__", "it"), ", ".join(arguments) or "nothing"
+        name = getattr(called, "__name__", "it")
+        gets = ", ".join([*arguments, *by_name]) or "nothing"
         raise breach(*part, f"has {name}, which takes {takes}, where it gets {gets}") from error
 
 

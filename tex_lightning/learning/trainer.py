@@ -49,6 +49,7 @@ INSTEAD = {  # of flags that are not the user's
     "default_root_dir": "choose the folder by hydra.run.dir=DIR",
     "use_distributed_sampler": "leave it out",
 }
+NEVER_CALLED = ("_", "on_test", "on_predict")  # by a training, of the methods of callbacks
 LOGGERS = ("lightning", "lightning.pytorch", "lightning.fabric")
 
 log = logging.getLogger(__name__)
@@ -266,17 +267,27 @@ def build_callbacks(nodes: Mapping[str, Any], flags: Mapping[str, Any]) -> list[
     """
     callbacks = [build_derived(f"callbacks.{name}", node, Callback) for name, node in nodes.items()]
     for key, callback in zip(nodes, callbacks, strict=True):
-        for name, hook in vars(Callback).items():
-            if inspect.isfunction(hook) and name[0] != "_":
-                given = [*inspect.signature(hook).parameters.values()][1:]
-                # Lightning leaves out dataloader_idx, the only one with a default, where it can
-                least = (argument.name for argument in given if argument.default is argument.empty)
-                check_call(
-                    (f"callbacks.{key}", "callback", callback), getattr(callback, name), *least
-                )
+        _check_hooks(f"callbacks.{key}", callback)
     if flags.get("enable_progress_bar", True):
         return callbacks
     return [callback for callback in callbacks if not isinstance(callback, LightningProgressBar)]
+
+
+def _check_hooks(where: str, callback: Callback) -> None:
+    """Reject a callback with a method that cannot be called as a training does.
+
+    Lightning gives ``stage`` by its name, leaves out ``dataloader_idx``, the only argument with a
+    default, and calls no method that is None.
+    """
+    for name, hook in vars(Callback).items():
+        own: Any = getattr(callback, name)
+        if not (inspect.isfunction(hook) and callable(own)) or name.startswith(NEVER_CALLED):
+            continue
+        arguments = [*inspect.signature(hook).parameters.values()][1:]
+        given = [each.name for each in arguments if each.default is each.empty]
+        in_turn = (each for each in given if each != "stage")
+        part = where, "callback", callback
+        check_call(part, own, *in_turn, by_name=[each for each in given if each == "stage"])
 
 
 def find_resumable(working: Path) -> Path | None:
