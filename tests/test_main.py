@@ -177,6 +177,7 @@ def test_a_current_folder_that_was_deleted_is_said(cli, tmp_path, monkeypatch):
         (["model.senses=[[haptic]]"], "model.senses names ['haptic'] (did you mean haptic?)"),
         (["model=minirocket", "model.senses=[haptic,sound]"], "looks at one sense"),
         (["data.root=/somewhere"], "data.root is not read by data=synthetic"),
+        (["data.root=.", "data.manifest=a"], "data.manifest is not read by data=synthetic"),
         (["data.val_fold=0"], "both 0: choose different folds"),
         (["task=crossval", "data.val_fold=2"], "not by task=crossval: leave it out"),
         (["checkpoint=a.ckpt"], "not by task=fit"),
@@ -201,7 +202,9 @@ def test_wrong_values_are_refused_together(arguments, message):
     assert len(str(caught.value)) < 1000
 
 
-@pytest.mark.parametrize("value", ["${data.root}/sub", "{b: ['${data.root}', 1]}"])
+@pytest.mark.parametrize(
+    "value", ["${data.root}/sub", "{b: ['${data.root}', 1]}", "[{b: ${data.root}}]"]
+)
 def test_a_root_may_be_a_part_of_what_a_reader_is_given(value):
     given = ["data.root=/somewhere", f"+data.reader.a={value}", "data.reader._target_=mine.Reader"]
     check_config(read_config(compose_config(given)))

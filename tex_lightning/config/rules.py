@@ -3,10 +3,11 @@
 A rule says whether something is wrong, and the complaint.
 """
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from operator import attrgetter
 
-from tex_lightning.config import READ_FILES, Config, flatten
+from tex_lightning.config import READ_FILES, Config
 from tex_lightning.config.signatures import TARGET
 from tex_lightning.config.tasks import TRAINING
 from tex_lightning.errors import UserError, shorten
@@ -68,11 +69,10 @@ def _model_rules(config: Config) -> Iterator[Rule]:
 
 def _data_rules(config: Config) -> Iterator[Rule]:
     data = config.data
-    read = [str(value) for key, value in flatten(data.reader).items() if not key.endswith(TARGET)]
     for key in ("root", "manifest", "group_by"):
         value = getattr(data, key)
         yield (
-            value is not None and not any(value in text for text in read),
+            value is not None and not _holds(data.reader, value),
             f"data.{key} is not read by data={data.name}: leave it out, or give data=NAME",
         )
     for key in ("test_fold", "val_fold"):
@@ -90,6 +90,16 @@ def _data_rules(config: Config) -> Iterator[Rule]:
         f"data.test_where is {shorten(data.test_where)}: give names and values of conditions, as "
         "in {speed: 60} or {speed: [50, 60], light: lamp}",
     )
+
+
+def _holds(given: object, value: str) -> bool:
+    """Return whether what a reader is given is, or has inside it, a text as a whole word."""
+    if isinstance(given, dict):
+        return any(_holds(item, value) for key, item in given.items() if key != TARGET)
+    if isinstance(given, list):
+        return any(_holds(item, value) for item in given)
+    whole = rf"(?<![^\W_]){re.escape(value)}(?![^\W_])"
+    return isinstance(given, str) and re.search(whole, given) is not None
 
 
 def _decision_rules(config: Config) -> Iterator[Rule]:
