@@ -4,6 +4,7 @@ import logging
 import pickle
 import tempfile
 import warnings
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -265,7 +266,7 @@ def test_what_is_wrong_is_one_sentence_and_a_value_error(fitted, strokes):
         fitted.predict({"haptic": "A.wav"})
     with pytest.raises(ValueError, match=r"^X cannot be read as an array"):
         fitted.predict(torch.from_numpy(x).to("meta"))
-    for pair in ((SLOW_RATE, x[0]), (x[0], SLOW_RATE)):
+    for pair in ((SLOW_RATE, x[0]), (x[0], SLOW_RATE), (x[0], Fraction(SLOW_RATE))):
         for form in (pair, {"haptic": pair}):
             with pytest.raises(ValueError, match="give a list, of one such pair"):
                 fitted.predict(form)

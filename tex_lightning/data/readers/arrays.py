@@ -7,6 +7,8 @@ it does the files of others.
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from decimal import Decimal
+from fractions import Fraction
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -271,8 +273,9 @@ def with_rate(given: Given) -> tuple[Given, float | None]:
     """
     if isinstance(given, tuple) and len(given) == 2:
         for rate, samples in (given, given[::-1]):
-            is_number = np.ndim(rate) == 0 and np.asarray(rate).dtype.kind in "fiu"
-            if is_number and np.ndim(samples) > 0:
+            if np.ndim(rate) == 0 < np.ndim(samples) and (
+                np.asarray(rate).dtype.kind in "fiu" or isinstance(rate, Fraction | Decimal)
+            ):
                 return samples, float(rate)
     return given, None
 
