@@ -20,7 +20,6 @@ BARE = re.compile(r"\W*freq", re.IGNORECASE)
 LONG = 0.05  # s, from which on a time of sampling is that of the whole
 ROUND = 25  # Hz, of which a rate that nothing calls so is a multiple
 VALUE = r"(?P<value>\d{1,3}(?:[ '’\u00a0\u202f]\d{3})+(?= ?k?hz)|\.?\d[\d.,]*(?:e[-+]?\d+)?)"
-AMOUNT = rf"[\"']?[ \t:=,;@]+(?:is |was |of |- )?[\"']?\+?{VALUE}[\"']?[ \t,;(]*"
 SAMPLING = r"(?:samp\w*|update|output(?:[ _-]data)?|acq\w*|meas\w*|scan|log\w*)"
 HERTZ = (
     r"[km]?hz|kilohertz|[km]?s/s|[km]?sps|fps|samples ?(?:/|per )s\w*"
@@ -29,6 +28,8 @@ HERTZ = (
 SECONDS = rf"(?:µs|{'|'.join(UNITS)})\b"
 IN_HERTZ = rf"(?=\W*\d[\d.,]* *(?:{HERTZ}))"
 KNOWN = rf"{HERTZ}|{SECONDS}(?![-^⁻])"  # s^-1
+OF = rf"(?:was|of) (?=[\d.,'’ ]+(?:{KNOWN}|$))"  # a rate of 500 Hz, and not of 3 axes
+AMOUNT = rf"[\"']?[ \t:=,;@]+(?:is |- |{OF})?[\"']?\+?{VALUE}[\"']?[ \t,;(]*"
 OF_UNIT = (
     r"(?:(?:[ ]*[(\[]|(?:[ _/]| in )?(?=k?hz\b))(?P<before>\w+/?\w*)[)\]]?)?"
     rf"{AMOUNT}(?P<unit>{KNOWN})?"

@@ -171,6 +171,10 @@ READ = {
             "2000 Hz", "# a b c @2000Hz", "Created on 1/3/2026 at 2000 Hz by A", "0.5 msec/sample",
         )
     },
+    **{
+        told: (f"# {told}\nx,y,z\n" + table(*XYZ), None)
+        for told in ("Sampling rate of 3 axes", "The sampling rate was 10 times that of the camera")
+    },
     "a filter, which has no rate": (
         "Created with a low pass at 50 Hz\nx,y,z\n" + table(*XYZ), None
     ),
