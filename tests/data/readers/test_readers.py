@@ -192,10 +192,12 @@ def test_parts_in_the_place_of_classes_are_told_with_the_pattern_that_reads_them
 
 def test_a_text_about_recordings_is_none(tmp_path):
     touch(tmp_path, "a/1.csv", "a/README.txt", "b/haptic/1.csv", "b/haptic/readme.txt")
-    touch(tmp_path, "a/metadata.csv", "b/haptic/info.csv", "a/calibration.csv")
+    touch(
+        tmp_path, "a/metadata.csv", "b/haptic/info.csv", "a/calibration.csv", "b/haptic/labels.csv"
+    )
     table = read_folder(tmp_path)
     assert [row.path.name for row in table] == ["1.csv", "1.csv"]
-    assert [note.partition(" (")[0] for note in table.notes] == [f"{OTHERS}3 .csv, 2 .txt"]
+    assert [note.partition(" (")[0] for note in table.notes] == [f"{OTHERS}4 .csv, 2 .txt"]
 
 
 def test_spellings_that_look_alike_are_one_class(tmp_path):
