@@ -211,7 +211,7 @@ def class_indices(labels: Iterable[str], classes: Sequence[str]) -> list[int]:
 
 def sense_called(name: str) -> str:
     """Return the modality of the package that a name means (``Haptic data``), or the name."""
-    plain = re.sub(r"[\s_-]+(?:data|files|recordings)$", "", name.strip().casefold())
+    plain = re.sub(r"\s+(?:data|files|recordings)$", "", name.strip().casefold())
     known = plain.removesuffix("s")
     return known if known in MODALITIES else name
 
