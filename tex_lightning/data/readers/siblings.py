@@ -31,8 +31,8 @@ def check_sensor_folders(root: Path, folders: Sequence[Path]) -> None:
         raise UserError(
             f"Folder {root} has the folders {listed([folder.name for folder in folders])} of "
             f"sensors in the place of classes; give one of them, such as data.root={folders[0]}, "
-            "write the columns of one recording into one file, or, if they are classes, give these in "
-            "a manifest (docs/data.md, Manifest)."
+            "write the columns of one recording into one file, or, if they are classes, give "
+            "these in a manifest (docs/data.md, Manifest)."
         )
 
 
