@@ -20,6 +20,7 @@ from tex_lightning.export.graph import TRACED, PhotoGraph, fused_scores, traced_
 from tex_lightning.export.metadata import metadata
 from tex_lightning.export.onnx_file import noise_sample
 from tex_lightning.export.tracing import draws
+from tex_lightning.export.tracing import trace as traced
 from tex_lightning_runtime import Runtime
 from tex_lightning_runtime.pixels import halve
 
@@ -84,6 +85,15 @@ def test_an_export_is_compared_on_noise_of_as_many_axes_as_have_levels(axes):
 def test_signals_of_any_number_of_axes_are_taken_where_levels_do_not_count():
     (sense,) = metadata(SurfaceClassifier(make_card("haptic", width=0.1)))["senses"]
     assert sense["axes"] == [*range(1, 65)]
+
+
+def test_a_traced_model_takes_the_bands_of_all_windows_in_use():
+    model, (trace, *_), _ = slow_signals(3)
+    classifier = model.predictor_.classifier
+    program, *_ = traced(classifier)
+    signal = torch.from_numpy(trace)
+    found = program.module()(haptic=signal)["scores"]
+    torch.testing.assert_close(found, classifier.logits(haptic=signal), atol=1e-4, rtol=1e-4)
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ frequency and a threshold, and the windows and their bands follow from the data'
 import math
 import statistics
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import chain
+from itertools import chain, compress
 from typing import Annotated, Any, ClassVar
 
 import torch
@@ -166,7 +166,9 @@ class BandProportions(nn.Module):
         """Note the windows that are used, and what they do, also after weights were loaded."""
         shortest = min(self.windows, key=lambda window: window.length)
         fits = zip(self.windows, self.fits.tolist(), strict=True)
-        self.used = [window for window, fit in fits if fit or window is shortest]
+        # numbers too, since torch.export puts others in the place of the modules
+        self.fitting = [fit or window is shortest for window, fit in fits]
+        self.used = [*compress(self.windows, self.fitting)]
         for window in self.used:
             window.detrends = bool(self.detrends)
 
@@ -335,8 +337,8 @@ class BandProportions(nn.Module):
         """
         found, blank = iter(summaries), movement.new_zeros
         parts = [
-            next(found) if window in self.used else blank(window.width, fragments)
-            for window in self.windows
+            next(found) if used else blank(window.width, fragments)
+            for window, used in zip(self.windows, self.fitting, strict=True)
         ]
         if self.levels:
             mean = movement.mean(dim=-1, keepdim=True) if mean is None else mean
