@@ -156,6 +156,19 @@ def test_ctrl_c_names_the_folder_to_go_on_in(tmp_path, monkeypatch):
     assert "the same command with hydra.run.dir=RUN goes on" in command._interrupted()
 
 
+def test_an_error_that_ctrl_c_has_led_to_is_told_as_ctrl_c(monkeypatch, capsys):
+    def cut_short(_):
+        try:
+            raise KeyboardInterrupt
+        finally:
+            getattr(None, "half_changed")  # noqa: B009
+
+    monkeypatch.setattr(command, "_run", cut_short)
+    monkeypatch.setattr(sys, "argv", ["tex_lightning", "model=mfcc_nb"])
+    assert command.main() == 130
+    assert capsys.readouterr().err == "Interrupted.\n"
+
+
 def test_ctrl_c_while_modules_are_imported_leaves_no_traceback():
     class Finder:
         def find_spec(self, name, *_):

@@ -154,16 +154,30 @@ def main() -> int:
             return 0
         return _run(arguments)
     except KeyboardInterrupt:
-        if is_rank_zero():
-            say(_interrupted())
-        return INTERRUPTED
+        return _told_interrupted()
     except BrokenPipeError:  # of `| head`; Python would complain once more when it ends
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:
+        if _follows_interrupt(error):
+            return _told_interrupted()
         if (status := _told(error, began=bool(STARTED))) is None:
             raise
         return status
+
+
+def _follows_interrupt(error: BaseException | None) -> bool:
+    """Return whether Ctrl-C, as in the midst of a change of Hydra's, has led to an error."""
+    while error and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
+def _told_interrupted() -> int:
+    """Print how to continue the run and return the exit status of Ctrl-C."""
+    if is_rank_zero():
+        say(_interrupted())
+    return INTERRUPTED
 
 
 def _told(error: Exception, *, began: bool) -> int | None:
@@ -242,6 +256,8 @@ def run_job(composed: DictConfig) -> float | None:
     try:
         return run_task(composed, job)
     except Exception as error:
+        if _follows_interrupt(error):  # which ends a sweep, too
+            raise KeyboardInterrupt from error
         if not swept:
             if not job.named:
                 remove_if_empty(job.directory)
