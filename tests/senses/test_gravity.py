@@ -1,10 +1,13 @@
 """Gravity tells the gain of an accelerometer; what else changes is left as it is."""
 
+import re
+
 import numpy as np
 import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from tex_lightning.core.console import Screen
 from tex_lightning.senses.gravity import GravityGain
 
 G = 9.80665
@@ -43,6 +46,15 @@ def test_another_unit_is_that_of_the_training_and_other_channels_stay(gravity, g
     assert again.equal(found)
 
 
+def test_it_is_told_once(gravity, caplog, monkeypatch):
+    monkeypatch.setattr(Screen, "logged", set())
+    with caplog.at_level("INFO"):
+        for turned in (20, 21):
+            gravity(accelerations(turned, gain=1.0))
+    (told,) = caplog.messages
+    assert re.match(r"Gravity, the mean of channels 0 to 2, is [01]\.\d+ and was 9\.8", told)
+
+
 def test_what_was_recorded_as_the_training_was_stays_whatever_its_direction(gravity):
     for turned in range(30, 40):
         assert gravity(accelerations(turned)).equal(accelerations(turned))
@@ -63,19 +75,19 @@ def test_what_changes_within_a_recording_is_no_gain(gravity):
         lambda: fitted(*map(accelerations, range(8)), positive=True),
         lambda: fitted(*(accelerations(turned)[:2] for turned in range(8))),
     ],
-    ids=["lengths differ", "too few", "no accelerations", "pressures", "two channels"],
+    ids=["norms differ", "too few", "no accelerations", "pressures", "two channels"],
 )
 def test_without_a_gravity_that_is_always_the_same_nothing_changes(without):
     gravity = without()
     assert not gravity.in_use
-    other = accelerations(20, 1.0)[: 6 if gravity.shapes["lengths"] == (2,) else 3]
+    other = accelerations(20, 1.0)[: 6 if gravity.shapes["norms"] == (2,) else 3]
     assert gravity(other) is other
 
 
 def test_it_is_loaded_with_a_checkpoint_and_older_ones_have_none(gravity):
     loaded = GravityGain(6)
     loaded.load_state_dict(gravity.state_dict())
-    assert loaded.lengths[0] == pytest.approx(G, rel=0.01)
-    assert loaded.lengths[1] == 0
+    assert loaded.norms[0] == pytest.approx(G, rel=0.01)
+    assert loaded.norms[1] == 0
     loaded.load_state_dict({})
     assert not loaded.in_use

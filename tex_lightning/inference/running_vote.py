@@ -11,7 +11,7 @@ are subtracted again.
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -68,7 +68,8 @@ class RunningVote(ABC):
         self.exact = max(math.ceil(EXACT_SECONDS * rate), EXACT_SAMPLES)
         self.rests = LiveRests(rate, skip)
         self.beginning: Tensor | None = None
-        self.began, self.gain = False, cast(Tensor | float, 1.0)
+        self.began = False
+        self.gain: Tensor | float = 1.0
         network: Any = self.sense.network
         linear = isinstance(network, LinearNet) and network.scores.is_linear
         self.by_mean = linear and RULES[self.card.rule].by_mean_score  # one score decides
