@@ -211,14 +211,13 @@ def _unlike(axes: list[Column], *, timed: bool) -> list[str]:
     """
     still = [(np.diff(axis.values, prepend=np.nan) == 0).mean() for axis in axes]
     words = [{*axis.words, *axis.units, "".join(axis.words[-2:])} for axis in axes]
-    codes = [axis.is_code for axis in axes]
-    if all(axis.is_whole for axis in axes):  # counts
-        codes = [False] * len(axes)
-    samples = [np.asarray(axis.values) for axis in axes]
-    ramps = [(timed and rising(each)) or rising(-each) for each in samples]
+    counts = all(axis.is_whole for axis in axes)
     slow = [
-        bool(SLOW & each) or axis.by_one or code or ramp
-        for axis, each, code, ramp in zip(axes, words, codes, ramps, strict=True)
+        bool(SLOW & each)
+        or axis.by_one
+        or (axis.is_code and not counts)
+        or _ramps(np.asarray(axis.values), timed=timed)
+        for axis, each in zip(axes, words, strict=True)
     ]
     kin = [re.sub(r"\d", "", axis.name) or axis.name for axis in axes]
     signals = {kin[n] for n, share in enumerate(still) if share < LIVELY and not slow[n]}
@@ -232,6 +231,11 @@ def _unlike(axes: list[Column], *, timed: bool) -> list[str]:
     return [
         f"read as axes, though unlike a signal: {names}; data.channels=[{kept}] leaves them out"
     ]
+
+
+def _ramps(values: Array, *, timed: bool) -> bool:
+    """Return whether values fall evenly, or rise so beside known times, as no signal does."""
+    return rising(-values) or (timed and rising(values))
 
 
 def _joined(columns: list[Column]) -> list[str]:
