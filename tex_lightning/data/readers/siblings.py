@@ -114,9 +114,11 @@ def _ends_alike(root: Path, rows: Sequence[Recording]) -> list[str]:
         files[row.modality][row.label].append(row.path)
     for classes in files.values():
         found = [crossed([path.stem for path in paths]) for paths in classes.values()]
-        alike = {each and each[1:] for each in found}
-        mark, ends = (len(alike) == 1 and alike.pop()) or ("", ())
-        if ends and not re.search(r"\d", "".join(ends)):
+        alike = {each[1:] for each in found if each}
+        if None in found or len(alike) > 1:
+            continue
+        ((mark, ends),) = alike
+        if not re.search(r"\d", "".join(ends)):
             paths = [path for each in classes.values() for path in each]
             return [
                 f"{paths[0]} and others, whose names end in {listed(ends)}, are in groups of their "
