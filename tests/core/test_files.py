@@ -130,3 +130,13 @@ def test_a_name_in_bytes_that_are_no_text_is_refused_and_can_be_reported(tmp_pat
         fingerprint(path)
     write_text(tmp_path / "report", str(path))
     assert (tmp_path / "report").read_text().endswith(r"stra\udcdfe.wav")
+
+
+def test_a_log_whose_folder_is_gone_ends_no_program(tmp_path):
+    log, file = logging.Logger("of a run that did not begin"), tmp_path / "gone" / "log"
+    log.addHandler(handler := LogFile(file, delay=True))
+    log.warning("later, of another library")
+    file.parent.mkdir()
+    log.warning("in its folder")
+    handler.close()
+    assert file.read_text() == "in its folder\n"

@@ -10,7 +10,7 @@ import os
 import sys
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -206,6 +206,11 @@ class LogFile(logging.FileHandler):
     def format(self, record: logging.LogRecord) -> str:
         """Format a record without control characters, which ``cat`` would send to a terminal."""
         return printable_lines(super().format(record))
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write a record; the folder of a run that did not begin is gone, and so is its log."""
+        with suppress(FileNotFoundError):
+            super().emit(record)
 
     def handleError(self, record: logging.LogRecord) -> None:
         """Report faults of the program alone."""
