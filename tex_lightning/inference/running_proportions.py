@@ -10,8 +10,8 @@ from tex_lightning.classifier.vote import Vote
 from tex_lightning.inference.live_rests import MarkedSignal
 from tex_lightning.inference.running_vote import PER_OCTAVE, RunningVote
 from tex_lightning.senses.features.movement import block_power
+from tex_lightning.senses.features.octave_bands import OVERLAP, OctaveBands
 from tex_lightning.senses.features.proportions import BandProportions
-from tex_lightning.senses.octave_bands import OVERLAP, OctaveBands
 
 
 class RunningProportionsVote(RunningVote):

@@ -10,8 +10,8 @@ from tex_lightning.classifier.vote import Vote
 from tex_lightning.inference.live_rests import MarkedSignal
 from tex_lightning.inference.running_vote import RunningVote
 from tex_lightning.networks.geometry import padded_positions, reach
+from tex_lightning.senses.features.gain import corrected_by
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
-from tex_lightning.senses.gain import corrected_by
 
 PAUSE = 20  # times the seconds in which a gain is told: after a rest as long it is taken as it is
 

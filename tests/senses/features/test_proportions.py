@@ -11,8 +11,7 @@ from scipy.signal import resample_poly
 
 from tex_lightning.config import CONF
 from tex_lightning.errors import UserError
-from tex_lightning.senses import octave_bands
-from tex_lightning.senses.features import proportions
+from tex_lightning.senses.features import octave_bands, proportions
 from tex_lightning.senses.features.proportions import BandProportions
 
 WINDOWS = (0.032, 0.256)

@@ -15,17 +15,17 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
+from tex_lightning.senses.features.gravity import GravityGain
+from tex_lightning.senses.features.moments import Moments
 from tex_lightning.senses.features.movement import block_length, moving
-from tex_lightning.senses.features.spectrogram import MAX_WINDOW
-from tex_lightning.senses.gravity import GravityGain
-from tex_lightning.senses.moments import Moments
-from tex_lightning.senses.octave_bands import (
+from tex_lightning.senses.features.octave_bands import (
     MAX_BLOCK,
     OctaveBands,
     count_bands,
     third,
     transform_length,
 )
+from tex_lightning.senses.features.spectrogram import MAX_WINDOW
 
 MIN_SAMPLES = 8  # of a window; at a slow rate the short ones are left out
 # that fit the usual training recording at least, if levels do not count and if they do: fewer give
@@ -66,7 +66,7 @@ class BandProportions(nn.Module):
       a constant.
 
     Where gravity tells that an accelerometer has another gain or unit, that is taken back
-    (:class:`~tex_lightning.senses.gravity.GravityGain`).
+    (:class:`~tex_lightning.senses.features.gravity.GravityGain`).
 
     Args:
         sampling_rate: Rate of the signals in Hz.

@@ -11,8 +11,8 @@ from torch import Tensor, nn
 from tex_lightning.data.decode import SLOW_RATE
 from tex_lightning.errors import UserError
 from tex_lightning.senses.features.dft321 import dft321
+from tex_lightning.senses.features.gain import SECONDS, KnownGain
 from tex_lightning.senses.features.movement import moving
-from tex_lightning.senses.gain import SECONDS, KnownGain
 
 # Filters or frames of larger ones would take up far more memory than the signal.
 MAX_WINDOW = 1 << 16  # samples: 6 s at 10 kHz, a third of a second at 200 kHz
@@ -121,7 +121,7 @@ class SpectrogramFeatures(nn.Module):
     Args:
         sampling_rate: Rate of the signals in Hz.
         normalisation: ``standard``, which needs :meth:`fit`, or ``paper``.
-        any_gain: Not with ``paper``; see :class:`~tex_lightning.senses.gain.KnownGain`.
+        any_gain: Not with ``paper``; see :class:`~tex_lightning.senses.features.gain.KnownGain`.
 
     Raises:
         UserError: If a window at this rate is too long, or as long as too many hops, or has too few

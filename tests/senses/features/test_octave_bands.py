@@ -6,7 +6,7 @@ import torch
 from scipy.signal import ShortTimeFFT, detrend
 from scipy.signal.windows import hann
 
-from tex_lightning.senses.octave_bands import (
+from tex_lightning.senses.features.octave_bands import (
     FLOOR,
     OctaveBands,
     octave_filters,

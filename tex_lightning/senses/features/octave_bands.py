@@ -10,9 +10,9 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.core.devices import is_at_hand
+from tex_lightning.senses.features.moments import Moments
 from tex_lightning.senses.features.spectrogram import mean_filters
-from tex_lightning.senses.moments import Moments
-from tex_lightning.senses.usual_bands import UsualBands
+from tex_lightning.senses.features.usual_bands import UsualBands
 
 OVERLAP = 4  # frames that every sample is in
 LONGEST_ODD = 1024  # samples; transforms of more are fast if they can be halved

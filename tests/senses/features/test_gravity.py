@@ -8,7 +8,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from tex_lightning.core.console import Screen
-from tex_lightning.senses.gravity import GravityGain
+from tex_lightning.senses.features.gravity import GravityGain
 
 G = 9.80665
 

@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from tex_lightning.senses.moments import Moments
+from tex_lightning.senses.features.moments import Moments
 
 
 def test_fragments_have_the_mean_and_variance_of_their_rows():

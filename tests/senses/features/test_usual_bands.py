@@ -3,8 +3,8 @@
 import pytest
 import torch
 
-from tex_lightning.senses.octave_bands import compared
-from tex_lightning.senses.usual_bands import UsualBands
+from tex_lightning.senses.features.octave_bands import compared
+from tex_lightning.senses.features.usual_bands import UsualBands
 
 BANDS, GAP, FRAMES, THRESHOLDS = 12, 2, 4000, 5
 

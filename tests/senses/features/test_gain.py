@@ -4,8 +4,8 @@ import pytest
 import torch
 from scipy.signal import resample
 
+from tex_lightning.senses.features.gain import KnownGain
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
-from tex_lightning.senses.gain import KnownGain
 
 
 def sounds(count, rate=2000):
