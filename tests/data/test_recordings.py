@@ -13,7 +13,13 @@ from hypothesis import strategies as st
 
 from tex_lightning.data.manifest import read_manifest, write_manifest
 from tex_lightning.data.readers import checked_table
-from tex_lightning.data.recordings import Recording, Recordings, cut_part, overlap, with_one_name
+from tex_lightning.data.recordings import (
+    Recording,
+    Recordings,
+    cut_part,
+    overlap,
+    with_one_spelling,
+)
 from tex_lightning.errors import UserError
 
 HEADER = "label,modality,path,group\n"
@@ -339,6 +345,6 @@ def test_what_may_be_a_group_or_a_division_is_told(tmp_path):
 def test_classes_that_may_be_one_are_told(names, told):
     labels = names.split("|" if "|" in names else None)
     rows = [Recording(label, "haptic", Path(f"{label}.wav"), label) for label in labels]
-    table = with_one_name(Recordings(tuple(rows)))
+    table = with_one_spelling(Recordings(tuple(rows)))
     assert {*table.classes} == {*labels}
     assert ["are classes of their own, and" in note for note in table.notes] == [True] * told

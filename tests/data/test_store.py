@@ -15,7 +15,7 @@ import pytest
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import Recording
-from tex_lightning.data.store import Loaded, Store, Unusable, cache_root, list_files
+from tex_lightning.data.store import LazyRecordings, Store, Unusable, cache_root, list_files
 from tex_lightning.errors import UserError
 
 DECODERS = {"haptic": SignalDecoder(), "image": PhotoDecoder()}
@@ -214,7 +214,7 @@ def test_parts_of_a_file_make_the_whole_and_have_entries_of_their_own(store, sur
 
 def test_some_of_the_recordings_are_a_list_and_one_is_loaded_when_it_is_looked_at():
     load = Mock(side_effect=str.upper)
-    recordings = Loaded(["a", "b", "c"], load)
+    recordings = LazyRecordings(["a", "b", "c"], load)
     assert (len(recordings), load.call_count) == (3, 0)
     assert (recordings[-1], load.call_count) == ("C", 1)
     assert (recordings[:2], recordings[1:9]) == (["A", "B"], ["B", "C"])

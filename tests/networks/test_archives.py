@@ -8,7 +8,7 @@ import torch
 from torch import nn
 
 from tex_lightning.networks import archives
-from tex_lightning.networks.archives import SizeLimit, check_archive, check_numbers
+from tex_lightning.networks.archives import SizeLimit, check_archive, check_weights
 
 
 def test_an_archive_that_would_become_too_large_is_refused(tmp_path, monkeypatch):
@@ -54,6 +54,6 @@ def test_lengths_are_counted_as_pytorch_makes_them(make, arguments):
 
 @pytest.mark.parametrize("value", [torch.nan, torch.inf, -1e30, 1j])
 def test_weights_that_no_training_gives_are_named(value):
-    check_numbers({"a": torch.ones(3), "b": torch.tensor(5)})
+    check_weights({"a": torch.ones(3), "b": torch.tensor(5)})
     with pytest.raises(ValueError, match=r"a\.weight holds NaN or huge numbers"):
-        check_numbers({"a.weight": torch.tensor([0, value])})
+        check_weights({"a.weight": torch.tensor([0, value])})

@@ -20,7 +20,7 @@ from tex_lightning.config.instantiation import (
 )
 from tex_lightning.core.contract import breach, calling, describe_value
 from tex_lightning.data.recordings import Recording, class_indices
-from tex_lightning.data.store import Loaded, Store, load_recording
+from tex_lightning.data.store import LazyRecordings, Store, load_recording
 from tex_lightning.errors import UserError
 from tex_lightning.networks.archives import SizeLimit
 from tex_lightning.networks.blocks import Level
@@ -216,7 +216,7 @@ class BaselineClassifier(SurfaceClassifier):
         groups = [row.group_key for row in rows]
         with calling(WHERE, "baseline", self.baseline):
             more = {"groups": groups} if "groups" in inspect.signature(fit).parameters else {}
-            fit(Loaded(rows, load), labels, seed, **more)
+            fit(LazyRecordings(rows, load), labels, seed, **more)
 
     def count_parameters(self) -> int:
         """Count the numbers that were fitted."""

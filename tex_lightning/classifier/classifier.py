@@ -30,10 +30,10 @@ from tex_lightning.core.devices import computing_threads
 from tex_lightning.core.files import write_atomically
 from tex_lightning.data.recordings import Recording
 from tex_lightning.errors import UserError
-from tex_lightning.networks.archives import SizeLimit, check_numbers
+from tex_lightning.networks.archives import SizeLimit, check_weights
 from tex_lightning.networks.blocks import Level, score_layer_of, shared_copy
 from tex_lightning.networks.fusionnet import FusionLayer, bounded, scored_by
-from tex_lightning.networks.line import class_scores
+from tex_lightning.networks.line import scores_from_fc2
 from tex_lightning.senses.base import Sense, content
 from tex_lightning.senses.making import make_sense
 from tex_lightning_runtime.files import expanded
@@ -162,7 +162,7 @@ class SurfaceClassifier(nn.Module):
                 classifier = cls(card)
             state = classifier_state(stored)
             classifier.expect(state)
-            check_numbers(state)
+            check_weights(state)
             known = classifier.state_dict()  # statistics have what earlier checkpoints lack
             completed = {name: x for name, x in known.items() if name.startswith(STATISTICS)}
             classifier.load_state_dict(completed | state)
@@ -293,7 +293,7 @@ class SurfaceClassifier(nn.Module):
         ``weighted``; a graph that is traced has to know it before.
         """
         scored = self.embedding_layer(name) != self.fused_layer(name)
-        features = class_scores(self.senses[name].network, embedding) if scored else embedding
+        features = scores_from_fc2(self.senses[name].network, embedding) if scored else embedding
         partial_logits = self.project(name, features)
         if not weighted:
             return partial_logits

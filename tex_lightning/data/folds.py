@@ -16,7 +16,7 @@ from typing import Any
 
 from tex_lightning.config import Folding
 from tex_lightning.core.groups import divide
-from tex_lightning.data.recordings import Recording, Recordings, natural_key, one_name, plural
+from tex_lightning.data.recordings import Recording, Recordings, natural_key, normal_form, plural
 from tex_lightning.errors import UserError, listed, nearest
 
 DECIMAL = re.compile(r"[-+]?((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)")
@@ -28,7 +28,7 @@ def comparable(value: object) -> str:
     YAML's ``true`` equals Python's ``True``. All else is compared as text, even ``007``, ``1_0``
     and ``1e3``, which may be names.
     """
-    text = one_name(str(value))
+    text = normal_form(str(value))
     if not DECIMAL.fullmatch(text):
         return text.lower() if text in ("True", "False") else text
     return str(float(text)).removesuffix(".0")

@@ -18,9 +18,9 @@ from tex_lightning.data.recordings import (
     Recordings,
     check_distinct,
     check_row,
+    modality_named,
     natural_key,
     read_part,
-    sense_called,
     write_part,
 )
 from tex_lightning.errors import UserError, reason, shorten
@@ -125,7 +125,7 @@ ASSUMED = {
 }
 
 
-def sense_by_suffix(path: Path) -> str:
+def modality_by_suffix(path: Path) -> str:
     """Return the modality of a file if nothing but its suffix tells it."""
     return "image" if path.suffix.lower() in IMAGE_SUFFIXES else "haptic"
 
@@ -218,7 +218,7 @@ def _check_names(path: Path, names: Sequence[str]) -> None:
     if twice := [name for name in KNOWN if names.count(name) > 1]:
         raise UserError(f"Manifest {path} has several columns {twice[0]}; keep one of them.")
     if missing := [column for column in NEEDED if column not in names]:
-        wide = [n for n in names if sense_called(n.casefold().split("_")[0]) in MODALITIES]
+        wide = [n for n in names if modality_named(n.casefold().split("_")[0]) in MODALITIES]
         if wide and missing == ["path"]:
             raise UserError(
                 f"Manifest {path} has a column of files {wide[0]!r} and none called path; write "
@@ -308,7 +308,7 @@ def _read_line(files: _Files, where: str, line: dict[Any, Any], delimiter: str) 
     conditions = ((name, value) for name, value in cells.items() if value and name not in KNOWN)
     row = Recording(
         cells["label"],
-        sense_called(cells.get("modality", sense_by_suffix(path)).strip()),
+        modality_named(cells.get("modality", modality_by_suffix(path)).strip()),
         path,
         int(group) if NUMBER.fullmatch(group.strip()) else group.strip(),
         _parsed(float, _plain_number(rate, delimiter)),

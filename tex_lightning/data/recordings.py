@@ -169,7 +169,7 @@ class Recordings:
         return replace(self, rows=tuple(row for row in self.rows if keep(row)))
 
 
-def one_name(name: str) -> str:
+def normal_form(name: str) -> str:
     """Return the normal form of a name: composed accents (Unicode NFC), no outer blanks.
 
     Some systems write an accent as a separate character, and spreadsheets keep trailing blanks.
@@ -177,13 +177,13 @@ def one_name(name: str) -> str:
     return unicodedata.normalize("NFC", name).strip()
 
 
-def with_one_name(recordings: Recordings) -> Recordings:
+def with_one_spelling(recordings: Recordings) -> Recordings:
     """Return the table with one spelling of each class; notes name what had several, or is near."""
     spellings: dict[str, set[str]] = defaultdict(set)
     rows = []
     for row in recordings:
-        spellings[label := one_name(row.label)].add(row.label)
-        group = one_name(row.group) if isinstance(row.group, str) else row.group
+        spellings[label := normal_form(row.label)].add(row.label)
+        group = normal_form(row.group) if isinstance(row.group, str) else row.group
         rows.append(replace(row, label=label, group=group))
     notes = [
         f"{' and '.join(map(ascii, sorted(several)))} look alike and are one class, {label}."
@@ -209,7 +209,7 @@ def class_indices(labels: Iterable[str], classes: Sequence[str]) -> list[int]:
     return [index[label] for label in labels]
 
 
-def sense_called(name: str) -> str:
+def modality_named(name: str) -> str:
     """Return the modality of the package that a name means (``Haptic data``), or the name."""
     plain = re.sub(r"\s+(?:data|files|recordings)$", "", name.strip().casefold())
     known = plain.removesuffix("s")
@@ -231,14 +231,14 @@ def check_is_list(name: str, given: object) -> None:
         raise UserError(f"{name} is {shorten(given)}; give a list, of one path if there is one.")
 
 
-def name_one(modality: str) -> str:
+def singular(modality: str) -> str:
     """Return the name of one recording of a modality."""
     return NAMES.get(modality, f"{modality} recording")
 
 
 def plural(modality: str) -> str:
     """Return the name of several recordings of a modality."""
-    return f"{name_one(modality)}s"
+    return f"{singular(modality)}s"
 
 
 def natural_key(text: str) -> tuple[list[tuple[int, int, str]], str]:

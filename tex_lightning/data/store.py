@@ -157,15 +157,15 @@ class Store:
 
     def rate(self, recording: Recording) -> float:
         """Return the sampling rate of a trace's file in Hz."""
-        return self._read(recording, _told)[0]
+        return self._read(recording, _facts)[0]
 
     def level(self, recording: Recording) -> float:
         """Return the level of a trace, see :func:`~tex_lightning_runtime.quality.level`."""
-        return self._read(recording, _told)[1]
+        return self._read(recording, _facts)[1]
 
     def reading(self, recording: Recording) -> Reading:
         """Return how the file of a trace was read."""
-        return self._read(recording, _told)[2]
+        return self._read(recording, _facts)[2]
 
     def _read(self, recording: Recording, read: Callable[[Path], T]) -> T:
         """Read from the entry of a recording; decode it if the cache has no complete entry."""
@@ -256,13 +256,13 @@ def _save(path: Path, decoded: Decoded) -> None:
     with path.open("wb") as stream:
         np.save(stream, decoded.array, allow_pickle=False)
         if decoded.reading is not None:
-            told = {"rate": decoded.rate, "level": level(decoded.array)}
-            facts = json.dumps({**told, **asdict(decoded.reading)}).encode()
-            stream.write(facts + SIZE.pack(len(facts)))
+            facts = {"rate": decoded.rate, "level": level(decoded.array)}
+            written = json.dumps({**facts, **asdict(decoded.reading)}).encode()
+            stream.write(written + SIZE.pack(len(written)))
 
 
 @lru_cache(maxsize=KEPT)  # the opening of a run asks for each a dozen times
-def _told(entry: Path) -> tuple[float, float, Reading]:
+def _facts(entry: Path) -> tuple[float, float, Reading]:
     """Read the JSON behind the array of a trace: rate of its file, level, and how it was read."""
     with entry.open("rb") as stream:
         end = stream.seek(-SIZE.size, os.SEEK_END)
@@ -302,7 +302,7 @@ def load_sample(sample: Sample, store: Store) -> dict[str, Tensor]:
 
 
 @dataclass(frozen=True)
-class Loaded(Sequence[T]):
+class LazyRecordings(Sequence[T]):
     """Recordings in the form that ``load`` gives them, each loaded when it is looked at.
 
     A slice is a list of loaded ones.

@@ -53,7 +53,7 @@ def _sense(sense: Sense, card: Card) -> dict[str, Any]:
     entry: dict[str, Any] = {
         "name": sense.name,
         "modality": sense.modality,
-        "what": sense.what,
+        "what": sense.noun,
         "medium": sense.medium,
         "least": _least(sense),
         "limits": limits(card.input_ranges.get(sense.modality, {})),
@@ -79,7 +79,7 @@ def _sense(sense: Sense, card: Card) -> dict[str, Any]:
         "channels": None if decoder.channels is None else list(decoder.channels),
         "time_unit": decoder.time_unit,
         "axes": [levels] if levels else [*range(1, MAX_AXES + 1)],
-        "too_short": f"The {sense.what} has less movement than {needed}one fragment takes; record "
+        "too_short": f"The {sense.noun} has less movement than {needed}one fragment takes; record "
         "a longer stroke.",
         **frames,
     }

@@ -20,7 +20,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.vote import RULES, Tally, Vote
 from tex_lightning.core.devices import computing_threads, full_precision
 from tex_lightning.inference.live_rests import LiveRests, MarkedSignal
-from tex_lightning.networks.line import class_scores
+from tex_lightning.networks.line import scores_from_fc2
 from tex_lightning.networks.linear import LinearNet
 from tex_lightning.senses.features.movement import movement_start
 
@@ -157,6 +157,6 @@ class RunningVote(ABC):
         if self.layer == self.classifier.fused_layer(self.name):
             return embedding
         if self.by_mean:
-            score = class_scores(self.sense.network, whole[0][:, None], whole)
+            score = scores_from_fc2(self.sense.network, whole[0][:, None], whole)
             return score.expand(-1, embedding.shape[1])
-        return class_scores(self.sense.network, embedding, whole)
+        return scores_from_fc2(self.sense.network, embedding, whole)

@@ -125,7 +125,7 @@ class ResampledSignal(LiveSignal):
         self.level = self.level.plus(new)
         target = self.sense.decoder.sampling_rate
         measures = {"level": self.level.plus(ahead).value, "rate": min(self.rate, target)}
-        quality = self.survey.quality(self.usual, self.sense.what, measures)
+        quality = self.survey.quality(self.usual, self.sense.noun, measures)
         return torch.from_numpy(new), torch.from_numpy(ahead), quality
 
     def _resampled(self) -> tuple[Array, Array]:

@@ -33,7 +33,7 @@ def check_archive(file: Path | BytesIO) -> None:
         raise ValueError("it would take up more memory than any network")
 
 
-def check_numbers(state: Mapping[str, Tensor]) -> None:
+def check_weights(state: Mapping[str, Tensor]) -> None:
     """Reject weights that are NaN, infinite or absurdly large.
 
     Raises:

@@ -238,7 +238,7 @@ def weighed(x: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
     return scores.reshape(x.shape[0], -1, *x.shape[2:])
 
 
-def class_scores(
+def scores_from_fc2(
     network: nn.Module, features: Tensor, whole: tuple[Tensor, int] | None = None
 ) -> Tensor:
     """Return class scores (classes, positions) of FC2's features (D, positions).

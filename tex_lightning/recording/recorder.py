@@ -17,7 +17,7 @@ import numpy as np
 from tex_lightning.config import Config
 from tex_lightning.core.console import console, print_line, say
 from tex_lightning.core.progress import track
-from tex_lightning.data.recordings import name_one
+from tex_lightning.data.recordings import singular
 from tex_lightning.errors import UserError
 from tex_lightning.recording.class_folder import ClassFolder, Pixels
 from tex_lightning.recording.sources import Chunk, Source, open_source
@@ -118,7 +118,7 @@ class Signal:
 
     def warnings(self, samples: Chunk) -> list[str]:
         """Return the faults of a recording (axes, samples), a sentence each."""
-        what = name_one(self.modality)
+        what = singular(self.modality)
         warnings = list(trace_quality(samples, {}, what, {}).warnings)
         if self.source.lost:
             self.source.lost = False

@@ -14,7 +14,7 @@ from tex_lightning.core.contract import breach, calling, describe_value
 from tex_lightning.core.devices import full_precision
 from tex_lightning.data.banks import Bank
 from tex_lightning.data.decode import Array, Decoder
-from tex_lightning.data.recordings import Recording, name_one
+from tex_lightning.data.recordings import Recording, singular
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError, reason, shorten
 from tex_lightning.networks.blocks import Level, is_builtin
@@ -34,7 +34,9 @@ Change = Callable[[Tensor], Tensor]
 class Sense(nn.Module, ABC):
     """The decoder, the features and the network of one modality.
 
-    Calling it maps a decoded recording to the network's input.
+    Calling it maps a decoded recording to the network's input (:meth:`compute_features`). A test or
+    a prediction calls :meth:`positions`: :meth:`dense_input` gives the input, :meth:`dense_grid`
+    divides a large one into tiles, and :meth:`score` calls the network.
 
     Args:
         name: Name of the sense.
@@ -166,9 +168,9 @@ class Sense(nn.Module, ABC):
 
     def forward(self, recording: Tensor) -> Tensor:
         """Return the network input of a decoded recording, on the device of the sense."""
-        return self.read(recording)
+        return self.compute_features(recording)
 
-    def read(self, x: Tensor) -> Tensor:
+    def compute_features(self, x: Tensor) -> Tensor:
         """Return the network input of a recording, or of a batch of photos, computed in float32.
 
         Raises:
@@ -191,7 +193,7 @@ class Sense(nn.Module, ABC):
         if x.is_floating_point() and not _is_finite(output):
             custom = "" if is_builtin(self.features) else type(self.features).__name__
             raise UserError(
-                f"The {self.what} holds NaN, infinity or numbers too large to square"
+                f"The {self.noun} holds NaN, infinity or numbers too large to square"
                 f"{custom and f', or {custom} makes them'}; repair the recording"
                 f"{custom and ' or that class'}."
             )
@@ -204,7 +206,7 @@ class Sense(nn.Module, ABC):
             UserError: If a user's features fail on a recording as short as this.
         """
         try:
-            return self.read(recording)
+            return self.compute_features(recording)
         except RuntimeError as error:
             if self.tells_input_size:
                 raise
@@ -261,7 +263,7 @@ class Sense(nn.Module, ABC):
 
     def _too_small(self, part: nn.Module, why: str) -> UserError:
         return UserError(
-            f"{type(part).__name__} makes nothing of this {self.what} ({shorten(why)}); give a "
+            f"{type(part).__name__} makes nothing of this {self.noun} ({shorten(why)}); give a "
             "larger one, or correct that class."
         )
 
@@ -331,9 +333,9 @@ class Sense(nn.Module, ABC):
         return next(chain(self.buffers(), self.parameters()), torch.empty(0)).device
 
     @property
-    def what(self) -> str:
+    def noun(self) -> str:
         """Word for one of its recordings, such as ``trace`` or ``photo``."""
-        return name_one(self.modality)
+        return singular(self.modality)
 
 
 def as_tensor(recording: Tensor | Array) -> Tensor:

@@ -54,7 +54,7 @@ class PhotoSense(Sense):
             else:
                 more = " or train with data.half_scale=false" if self.decoder.half_scale else ""
             raise UserError(
-                f"The {self.what} has {width}x{height} pixels after decoding, and this network "
+                f"The {self.noun} has {width}x{height} pixels after decoding, and this network "
                 f"needs {least} on each side; use a larger one{more}."
             )
 
@@ -71,7 +71,7 @@ class PhotoSense(Sense):
 
     def score(self, x: Tensor, level: Level) -> Tensor:
         """Return features of pixels (batch, 3, height, width) uint8, or of a network input."""
-        return super().score(self.read(x) if x.dtype == torch.uint8 else x, level)
+        return super().score(self.compute_features(x) if x.dtype == torch.uint8 else x, level)
 
     def input_size(self, recording: Tensor | Array) -> tuple[int, int]:
         """Return height and width in pixels."""
@@ -83,7 +83,8 @@ class PhotoSense(Sense):
 
     def example(self) -> Tensor:
         """Make the network input of a black photo."""
-        return self.read(torch.zeros(1, 3, EXAMPLE_SIDE, EXAMPLE_SIDE, dtype=torch.uint8))
+        photo = torch.zeros(1, 3, EXAMPLE_SIDE, EXAMPLE_SIDE, dtype=torch.uint8)
+        return self.compute_features(photo)
 
     def bank(
         self,
@@ -116,7 +117,7 @@ class PhotoSense(Sense):
         photos = rotated_photos(crops, degrees, size)
         if change is not None:
             photos = (change(photos / 255) * 255).round().clamp(0, 255).to(torch.uint8)
-        return self.read(photos)
+        return self.compute_features(photos)
 
     def decode_input(
         self,
@@ -132,7 +133,7 @@ class PhotoSense(Sense):
         else:
             pixels = as_pixels(recording, self.modality, colour)
             photo = self.decoder.scale(pixels, self.modality)
-        return torch.from_numpy(photo), photo_quality(photo, limits(ranges), self.what)
+        return torch.from_numpy(photo), photo_quality(photo, limits(ranges), self.noun)
 
 
 def augment(key: str, augmentation: Callable[[Tensor], Any], patches: Tensor) -> Tensor:

@@ -21,7 +21,7 @@ from tex_lightning.core.progress import track
 from tex_lightning.data.banks import Bank, Indices, InputBank
 from tex_lightning.data.decode import Array, SignalDecoder
 from tex_lightning.data.recordings import Recording, plural
-from tex_lightning.data.store import Loaded, Store, load_recording
+from tex_lightning.data.store import LazyRecordings, Store, load_recording
 from tex_lightning.errors import UserError
 from tex_lightning.networks.linear import LinearNet
 from tex_lightning.perturbations.pixels import Scene
@@ -72,7 +72,7 @@ class SignalSense(Sense):
 
     @property
     def spectrogram(self) -> SpectrogramFeatures | None:
-        """The features, if they are this package's."""
+        """The features, if they are a spectrogram."""
         return self.features if isinstance(self.features, SpectrogramFeatures) else None
 
     @property
@@ -94,7 +94,7 @@ class SignalSense(Sense):
             rate = features.sampling_rate
             have = max(0, features.samples(width)) / rate if width else 0.0
             raise UserError(
-                f"The {self.what} has {have:.2f} s of movement, and {self.title} needs "
+                f"The {self.noun} has {have:.2f} s of movement, and {self.title} needs "
                 f"{features.samples(least) / rate:.2f} s for one fragment; record longer "
                 "strokes, or train with experiment=few/haptic, which takes shorter ones."
             )
@@ -115,7 +115,8 @@ class SignalSense(Sense):
         """Make a blank spectrogram, or what other features give for some seconds of noise."""
         if self.spectrogram is not None:
             return self.blank(self.spectrogram.bands, 1)
-        return self.read(torch.randn(1, EXAMPLE_SECONDS * round(self.decoder.sampling_rate)))
+        noise = torch.randn(1, EXAMPLE_SECONDS * round(self.decoder.sampling_rate))
+        return self.compute_features(noise)
 
     def bank(
         self,
@@ -133,23 +134,23 @@ class SignalSense(Sense):
         """
         features: Any = self.features
         if learn and hasattr(features, "learn"):
-            features.learn(Loaded(rows, lambda row: load_recording(row, store).to(self.device)))
+            signals = LazyRecordings(rows, lambda row: load_recording(row, store).to(self.device))
+            features.learn(signals)
         clean = (self._raw(load_recording(row, store)) for row in self._tracked(rows))
         perturbed = self._perturbed(rows, store, fit, seed)
         raw = InputBank(chain(clean, perturbed), 1).inputs
         if learn and hasattr(features, "fit"):
             features.fit(raw[: len(rows)])
-        versions = len(raw) // len(rows)
-        share, draw, spectrogram = fit["sensor_augmentation"], None, self.spectrogram
-        if share and spectrogram is not None and spectrogram.standardises:
+        versions, share, draw = len(raw) // len(rows), fit["sensor_augmentation"], None
+        if share and self.spectrogram is not None and self.spectrogram.standardises:
             axes = len(load_recording(rows[0], store))
-            self.sensor_augmentation = SensorAugmentation(spectrogram, size, axes)
+            self.sensor_augmentation = SensorAugmentation(self.spectrogram, size, axes)
             draw = partial(draw_changes, share, size)
         bank = InputBank(map(self._normalised, raw), size, versions, draw)
-        taken = _taken(self.network)
-        if "pieces" in taken and getattr(self.network, "cuts", True):
+        takes = _arguments_of_fit(self.network)
+        if "pieces" in takes and getattr(self.network, "cuts", True):
             bank.pieces = [*self._pieces(rows, store, seed)]
-        if "disturbed" in taken:
+        if "disturbed" in takes:
             bank.disturbed = [*self._disturbed(rows, store, seed, raw)]
         return bank
 
@@ -196,10 +197,12 @@ class SignalSense(Sense):
     @torch.no_grad()
     def _raw(self, recording: Tensor) -> Tensor:
         """Return features (..., frames), before normalisation if that is apart."""
-        measure = getattr(self.features, "magnitudes", None)
+        features: Any = self.features
         recording = recording.to(self.device)
-        features: Tensor = self.read(recording)[0] if measure is None else measure(recording)
-        return features
+        if not hasattr(features, "magnitudes"):
+            return self.compute_features(recording)[0]
+        magnitudes: Tensor = features.magnitudes(recording)
+        return magnitudes
 
     def _normalised(self, raw: Tensor) -> Tensor:
         """Return the network input (..., frames) on the CPU."""
@@ -286,7 +289,7 @@ class SignalSense(Sense):
         target = self.decoder.sampling_rate
         trace = to_rate(raw, rate, target, name)
         usual, measures = limits(ranges), trace_measures(level(trace), rate, target)
-        return torch.from_numpy(trace), trace_quality(raw, usual, self.what, measures)
+        return torch.from_numpy(trace), trace_quality(raw, usual, self.noun, measures)
 
 
 def fit_closed_form(network: Any, bank: Bank, labels: Indices, groups: Sequence[str]) -> None:  # noqa: ANN401
@@ -296,7 +299,7 @@ def fit_closed_form(network: Any, bank: Bank, labels: Indices, groups: Sequence[
     ``pieces`` of some of them, and pairs of some and the same ``disturbed``, if it takes these.
     """
     bank = cast(InputBank, bank)
-    inputs, takes = bank.inputs, _taken(network)
+    inputs, takes = bank.inputs, _arguments_of_fit(network)
     versions = len(inputs) // len(labels)
     offered: dict[str, list[Any]] = {
         "groups": [*groups] * versions,
@@ -308,6 +311,6 @@ def fit_closed_form(network: Any, bank: Bank, labels: Indices, groups: Sequence[
     network.fit(inputs, torch.from_numpy(np.resize(labels, len(inputs))), **wanted)
 
 
-def _taken(network: Any) -> Collection[str]:  # noqa: ANN401
-    """Return what a network's method ``fit`` takes; nothing of one without it."""
+def _arguments_of_fit(network: Any) -> Collection[str]:  # noqa: ANN401
+    """Return the names of what a network's method ``fit`` takes; none without such a method."""
     return inspect.signature(network.fit).parameters if hasattr(network, "fit") else ()

@@ -19,7 +19,7 @@ from tex_lightning.data.folds import (
 )
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.readers.layout import hint, rename
-from tex_lightning.data.recordings import MODALITIES, Recording, Recordings, one_name
+from tex_lightning.data.recordings import MODALITIES, Recording, Recordings, normal_form
 from tex_lightning.data.store import Store, Unusable, cache_root, list_files
 from tex_lightning.errors import UserError, listed
 from tex_lightning.evaluation.conditions import Bins, condition_bins
@@ -243,7 +243,7 @@ def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordi
     Raises:
         UserError: If there is no such class.
     """
-    held = [one_name(label) for label in classes or ()]
+    held = [normal_form(label) for label in classes or ()]
     if absent := sorted({*held} - {*recordings.classes}):
         raise UserError(
             f"data.hold_out names {listed(absent)}, and the data has no such class; choose from "

@@ -80,7 +80,7 @@ def _recordings(config: Config, classifier: SurfaceClassifier) -> list[Tensor]:
     size, window = sense.input_size(recording), sense.window_size
     if size[0] < window[0] or size[1] < window[1]:
         raise UserError(
-            f"The {sense.what} gives an input of {size[0]}x{size[1]}, height first, and one window "
+            f"The {sense.noun} gives an input of {size[0]}x{size[1]}, height first, and one window "
             f"of the {sense.name} network takes {window[0]}x{window[1]}; raise profile.seconds, or "
             "profile.width and profile.height."
         )

@@ -4,7 +4,7 @@ from contextlib import nullcontext
 
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
-from tex_lightning.data.recordings import one_name
+from tex_lightning.data.recordings import normal_form
 from tex_lightning.recording.class_folder import ClassFolder, open_camera
 from tex_lightning.recording.recorder import record
 from tex_lightning_runtime.files import expanded
@@ -20,7 +20,7 @@ def run(config: Config, job: Job) -> None:
     """
     settings = config.record
     out = expanded(str(settings.out))
-    folder = ClassFolder(out, one_name(str(settings.label)), settings.conditions)
+    folder = ClassFolder(out, normal_form(str(settings.label)), settings.conditions)
     photos = config.files.get("image")
     with open_camera(str(photos)) if photos else nullcontext() as camera:
         record(config, folder, camera)

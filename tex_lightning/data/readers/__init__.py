@@ -15,7 +15,7 @@ from tex_lightning.data.recordings import (
     Recordings,
     check_distinct,
     check_row,
-    with_one_name,
+    with_one_spelling,
     with_plain_numbers,
 )
 from tex_lightning.errors import UserError, listed, shorten
@@ -46,7 +46,7 @@ def checked_table(table: Any, reader: str) -> Recordings:  # noqa: ANN401
             f"{reader} (data.reader) gives {without[0].path} no fold; give every recording one, or "
             "none."
         )
-    named = with_one_name(Recordings(rows, table.notes))
+    named = with_one_spelling(Recordings(rows, table.notes))
     return replace(named, notes=(*named.notes, *divided_groups(named.rows)))
 
 

@@ -18,7 +18,7 @@ from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
 from tex_lightning.data.manifest import write_manifest
-from tex_lightning.data.recordings import Recording, Recordings, check_is_list, one_name
+from tex_lightning.data.recordings import Recording, Recordings, check_is_list, normal_form
 from tex_lightning.errors import InvalidInput, UserError, listed
 from tex_lightning_runtime.files import expanded
 from tex_lightning_runtime.pixels import as_pixels
@@ -157,12 +157,12 @@ def labels_of(y: Any, least: int = 2) -> tuple[Array, list[str]]:  # noqa: ANN40
         raise InvalidInput(
             f"Of the labels {listed([*map(str, classes)])} some are one name; give other ones."
         )
-    return classes, [one_name(str(label)) for label in labels.tolist()]
+    return classes, [normal_form(str(label)) for label in labels.tolist()]
 
 
 def by_name(classes: Array) -> dict[str, Any]:
     """Return the label of each class by the name that the model knows."""
-    return {one_name(str(label)): label for label in classes.tolist()}
+    return {normal_form(str(label)): label for label in classes.tolist()}
 
 
 def groups_of(groups: Any, samples: Sequence[Sample]) -> list[str]:  # noqa: ANN401

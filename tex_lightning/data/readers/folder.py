@@ -39,8 +39,8 @@ from tex_lightning.data.recordings import (
     Recording,
     Recordings,
     is_hidden,
+    modality_named,
     natural_key,
-    sense_called,
 )
 from tex_lightning.errors import UserError, listed
 from tex_lightning_runtime.files import expanded
@@ -282,7 +282,7 @@ def _read_class(directory: Path, notes: list[str]) -> list[Recording]:
     label, directory = directory.name, _unwrapped(directory)
     inner: dict[str, list[Path]] = {name: [] for name in MODALITIES}
     for folder in _folders(directory):
-        sense = sense_called(folder.name.casefold())
+        sense = modality_named(folder.name.casefold())
         if sense.isidentifier():
             inner[sense] = inner.get(sense, []) + _files(folder, suffixes_of(sense))
     beside = {sense: _files(directory, suffixes) for sense, suffixes in BESIDE.items()}

@@ -6,7 +6,7 @@ from glob import glob, has_magic
 from pathlib import Path
 
 from tex_lightning.data.readers.folder import suffixes_of
-from tex_lightning.data.recordings import name_one, natural_key, plural
+from tex_lightning.data.recordings import natural_key, plural, singular
 from tex_lightning.errors import UserError, inflected
 from tex_lightning_runtime.files import expanded, is_file
 from tex_lightning_runtime.traces import stands_for_all
@@ -70,7 +70,7 @@ def match_files(by_modality: Mapping[str, list[Path]]) -> list[dict[str, Path]]:
         raise UserError("There is nothing to classify; give a file, as in haptic=FILE.")
     if len({len(paths) for paths in files.values()}) > 1:
         counts = " and ".join(
-            inflected(len(paths), name_one(name), plural(name)) for name, paths in files.items()
+            inflected(len(paths), singular(name), plural(name)) for name, paths in files.items()
         )
         raise UserError(f"There are {counts}; give as many of each.")
     first, *others = files.values()

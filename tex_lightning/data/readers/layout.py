@@ -13,7 +13,13 @@ from pathlib import Path
 
 from tex_lightning.core.files import resolved
 from tex_lightning.data.manifest import META, names_recordings
-from tex_lightning.data.recordings import MODALITIES, Recording, Recordings, is_hidden, sense_called
+from tex_lightning.data.recordings import (
+    MODALITIES,
+    Recording,
+    Recordings,
+    is_hidden,
+    modality_named,
+)
 from tex_lightning.errors import inflected, listed
 from tex_lightning_runtime.files import expanded
 
@@ -190,7 +196,7 @@ def _are_people(names: Sequence[str]) -> bool:
 
 def is_sense(part: str) -> bool:
     """Return whether a folder is called as one of the package's senses, or may mean one."""
-    return sense_called(part.casefold()) in MODALITIES or bool(_meant(part))
+    return modality_named(part.casefold()) in MODALITIES or bool(_meant(part))
 
 
 def _meant(name: str) -> str:

@@ -4,15 +4,15 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from tex_lightning.data.manifest import FOLD, KNOWN, PART, RATE, sense_by_suffix
+from tex_lightning.data.manifest import FOLD, KNOWN, PART, RATE, modality_by_suffix
 from tex_lightning.data.readers.layout import READ_ME
 from tex_lightning.data.readers.siblings import check_sensors, without_versions
 from tex_lightning.data.recordings import (
     Recording,
     Recordings,
     is_hidden,
+    modality_named,
     natural_key,
-    sense_called,
 )
 from tex_lightning.errors import UserError, shorten
 from tex_lightning_runtime.photos import IMAGE_SUFFIXES
@@ -110,5 +110,5 @@ def _recording(path: Path, name: str, told: dict[str, str]) -> Recording:
     except ValueError as error:
         raise UserError(f"{path} has a rate or fold that is no number ({error}).") from error
     conditions = tuple((key, value) for key, value in told.items() if key not in KNOWN)
-    modality = sense_called(told.get(MODALITY, sense_by_suffix(path)))
+    modality = modality_named(told.get(MODALITY, modality_by_suffix(path)))
     return Recording(told[LABEL], modality, path, group, rate, conditions, fold=fold)
