@@ -18,8 +18,10 @@ MISSING = {
     "", "nan", "NaN", "null", "NULL", "none", "None", "na", "NA", "n/a", "N/A", "#N/A", "<NA>", "-",
     "--", "---",
 }  # fmt: skip
-NUMBER = re.compile(
-    r"[-+]?(\d([\d.,'’ \u00a0\u202f]*[\d.])?|[.,]\d+)(e[-+]?\d+|d[-+]\d+)?|[-+]?inf(inity)?", re.I
+NUMBER = re.compile(  # blanks divide no more than thousands
+    r"[-+]?([1-9]\d{0,2}([ '’\u00a0\u2009\u202f]\d{3})+([.,]\d*)?|\d([\d.,]*[\d.])?|[.,]\d+)"
+    r"(e[-+]?\d+|d[-+]\d+)?|[-+]?inf(inity)?",
+    re.I,
 )
 QUANTITY = re.compile(rf"({NUMBER.pattern})\s*(?P<unit>[^\W\d_][^\d\s,;]{{0,5}}\d?|%|°\w?)", re.I)
 VECTOR = re.compile(  # several numbers in a cell: (0.1, 0.2, 9.8)

@@ -79,6 +79,7 @@ MIN_RISING = 8  # samples; fewer numbers may rise by chance
 OFTEN = 0.1  # of the samples, at which a label or text changes if rows take turns
 BOTH_WAYS = 0.25  # of the steps rise, and more fall, of a signal such as DE_time, one over time
 USUAL = 0.9  # of the steps of a counter, which may begin anew or miss some
+WITHIN = re.compile(r"\d[.,]\d|^\[\d+\]$|([]:>] ?|\d )-?\d+$")  # numbers within text
 GLUED = ("time", "timestamp", "zeit", "gpstow")  # unixtime
 UNNAMED = re.compile(r"(unnamed: \d+(_level_\d+)?(\.\d+)?)?")
 
@@ -218,7 +219,7 @@ class Column:
         cells = [str(cell) for cell in self.values.iloc[:SEEN].dropna()]
         if len(cells) < USUAL * min(SEEN, len(self.values)):
             return ""
-        numbers = [cell for cell in cells if re.search(r"\d[.,]\d|^\[\d+\]$|[]:>] ?-?\d+$", cell)]
+        numbers = [cell for cell in cells if WITHIN.search(cell)]
         return numbers[0] if len({*numbers}) > 0.5 * len(cells) else ""
 
     @property

@@ -113,7 +113,8 @@ def _first_row(columns: Kinds, dialect: Dialect, head: list[str]) -> int:
     for number, line in enumerate(head):
         cells = dialect.cells(line)
         if columns.fit(cells) and (number == 0 or not any(cells[: columns.empty])):
-            if all(cell for cell, each in zip(cells, columns.kinds, strict=False) if each):
+            pairs = zip(cells, columns.kinds, strict=False)
+            if all(cell for cell, each in pairs if each in ("number", "stamp")):
                 return min(blank, number)
             blank = min(blank, number)
         elif cells:

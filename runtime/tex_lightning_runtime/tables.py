@@ -217,7 +217,8 @@ def _numbers(cells: "pd.Series[Any]") -> tuple["pd.Series[Any]", str, str]:
     unit = found["unit"] if found and text.str.endswith(found["unit"]).all() else ""
     text = text.str.removesuffix(unit).str.strip()
     decimal, thousands = decimal_mark([[cell for cell in text if NUMBER.fullmatch(cell)]])
-    plain = text.str.replace(BLANKS, "", regex=True)
+    blanks = text[text.str.contains(BLANKS)].str.fullmatch(NUMBER).all()
+    plain = text.str.replace(BLANKS, "", regex=True) if blanks else text
     if thousands:
         plain = plain.str.replace(thousands, "", regex=False)
     plain = plain.str.replace(decimal, ".", regex=False)

@@ -9,7 +9,15 @@ import numpy as np
 
 from tex_lightning_runtime.column import MIN_RISING, TIMES, Column
 from tex_lightning_runtime.samples import Array
-from tex_lightning_runtime.times import EVEN, MIN_STAMPS, NOMINAL, TURNS, UNITS, TableError
+from tex_lightning_runtime.times import (
+    EPOCH,
+    EVEN,
+    MIN_STAMPS,
+    NOMINAL,
+    TURNS,
+    UNITS,
+    TableError,
+)
 
 
 def find_time(
@@ -88,7 +96,8 @@ def _fractions(columns: list[Column]) -> dict[Column, Array]:
         if (times := _summed(parts)) is not None:
             found |= dict.fromkeys(parts.values(), times)
     for one, other in pairwise(c for c in columns if not c.named and not c.is_text):
-        if one.is_time and (times := _summed({1.0: one, 1e-9: other})) is not None:
+        seconds = one.is_time and one.values.iloc[0] < EPOCH[1]
+        if seconds and (times := _summed({1.0: one, 1e-9: other})) is not None:
             found |= dict.fromkeys((one, other), times) if (np.diff(times) > 0).all() else {}
     whole = next((c for c in columns if c.is_time and c.is_text and not c.has_fractions), None)
     if whole is not None and whole not in found:

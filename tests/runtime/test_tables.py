@@ -750,6 +750,11 @@ READ = {
         table(*(column(axis, "{:.9E}") for axis in AXES), mark="  ").replace("E", "D"), None
     ),
     "a unit of two words": (table(*([f"{c} m/s²" for c in each] for each in XYZ)), None),
+    "lines of events between": (
+        "t,x,y,z,event\n" + "".join(
+            f"{t},{a},{b},{c},\n" + f"{t},,,,blink\n" * (n % 10 == 5)
+            for n, (t, a, b, c) in enumerate(zip(times(), *XYZ, strict=True))), RATE
+    ),
     "sentences of numbers": (
         "".join(f"\t\tAccel X: {a} \tY: {b} \tZ: {c} m/s^2 \n\n"
                 for a, b, c in zip(*XYZ, strict=True)), None
@@ -793,12 +798,12 @@ def test_marks_of_thousands(tmp_path, form, comma, mark):
     np.testing.assert_allclose(read_table(write(tmp_path, text))[0], values)
 
 
-@pytest.mark.parametrize("blank", [" ", "\u00a0", "\u202f"])
+@pytest.mark.parametrize("blank", [" ", "\u00a0", "\u2009", "\u202f"])
 def test_blanks_between_thousands(tmp_path, blank):
     values = (AXES[:2] * 1e3 + 5e3).round(2)
     cells = [[c.replace(",", blank) for c in column(axis, "{:,.2f}")] for axis in values]
     text = table(times(), *cells, mark=";", comma=True, names="Temps (s);Accélération;y\n")
-    for encoding in ("utf-8", "cp1252")[: 1 if blank == "\u202f" else 2]:
+    for encoding in ("utf-8", "cp1252")[: 1 if blank > "\u2000" else 2]:
         samples, rate, reading = read_table(write(tmp_path, text, encoding))
         np.testing.assert_allclose(samples, values)
         assert (round(rate), reading.axes) == (RATE, ("Accélération", "y"))
@@ -865,6 +870,13 @@ def test_settings_above_are_no_incomplete_lines(tmp_path):
 def test_a_rate_of_each_of_two_columns_is_no_fraction(tmp_path):
     text = '"SampleRate",2000,2000\n' + table([""] * COUNT, X, Y)
     assert read_table(write(tmp_path, text))[1] == RATE
+
+
+def test_milliseconds_since_1970_beside_whole_numbers_are_no_seconds(tmp_path):
+    moments = column(np.array(NUMBERS) * 5 + 1_772_359_200_000, "{}")
+    counts = column(np.array(NUMBERS) % 97, "{}")
+    samples, rate, _ = read_table(write(tmp_path, table(moments, counts, X, mark=" ")))
+    assert (len(samples), rate) == (2, pytest.approx(200))
 
 
 @pytest.mark.parametrize("names", ["", "x,y,z\n"])
@@ -1054,6 +1066,10 @@ REFUSED = {
     ),
     "whole numbers behind text": (
         table([f"x: {x}" for x in COUNTER], Y), "has 'x: 0' in column 1, a number within text"
+    ),
+    "times before a blank": (
+        table([f"{10 * n + 900} {500 + n % 97}" for n in NUMBERS], ["7", "8"] * (COUNT // 2)),
+        "has '900 500' in column 1, a number within text; write numbers alone",
     ),
     "thousands or fractions": (
         table(["9,812", "10"] * (COUNT // 2), names="x\n"),
