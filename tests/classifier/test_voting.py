@@ -12,7 +12,7 @@ import tex_lightning as tl
 from tex_lightning.classifier.vote import RULES, random_tuples
 from tex_lightning.errors import UserError
 from tex_lightning.inference.prediction import make_prediction
-from tex_lightning.networks.choice import fit_temperature
+from tex_lightning.networks.temperature import fit_temperature
 from tex_lightning_runtime.quality import Quality
 
 LOGITS = arrays(

@@ -11,7 +11,7 @@ from tex_lightning.config import EngineConfig
 from tex_lightning.core.groups import leave_out
 from tex_lightning.learning.linear_head import FrozenTrunk, _view, fit_linear_head
 from tex_lightning.learning.module import SurfaceModule
-from tex_lightning.networks.choice import fit_temperature
+from tex_lightning.networks.temperature import fit_temperature
 from tex_lightning.perturbations.table import Augmentation
 
 COLOURS = np.array([[190, 150, 150], [150, 190, 150], [150, 150, 190]], np.uint8)

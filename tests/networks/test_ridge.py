@@ -39,7 +39,7 @@ def test_the_ridge_and_what_it_says_of_rows_that_it_has_not_seen_are_scikit_lear
     theirs = SklearnRidge(alpha=ridge, fit_intercept=False)
     groups = np.arange(40) % 5
     products = problem.products(torch.from_numpy(kept))
-    np.testing.assert_allclose(strength * products.size, ridge)
+    np.testing.assert_allclose(strength * products.unit, ridge)
     for group in range(5):
         rest = torch.from_numpy(groups != group)
         weights = problem.weights(rest).numpy()
@@ -49,9 +49,9 @@ def test_the_ridge_and_what_it_says_of_rows_that_it_has_not_seen_are_scikit_lear
             weights[rest],
         )  # fmt: skip
         expected = ((rows - middle) * kept) @ fitted.coef_.T + share
-        scores = problem.scores(products, 0, ridge, rest)
+        scores = problem.scores(products, rest, alpha=ridge, penalty=0)
         np.testing.assert_allclose(scores, expected, atol=1e-8)
-    weights, offset, _ = problem.solve(products, 0, ridge)
+    weights, offset, _ = problem.solve(products, alpha=ridge, penalty=0)
     np.testing.assert_allclose(weights.T, theirs.fit(centred, targets, weight).coef_, atol=1e-8)
     np.testing.assert_allclose(offset, 1 / CLASSES - weight @ rows @ weights.numpy(), atol=1e-8)
 
@@ -105,10 +105,10 @@ def test_scatter_within_recordings_is_a_metric_of_the_ridge(count):
     root = np.linalg.inv(np.linalg.cholesky(metric)).T
     plain = Ridge(torch.from_numpy(rows @ root), tensors[1], 2, torch.zeros(0, 8).double())
     every = torch.ones(count, dtype=torch.bool)
-    expected = plain.scores(plain.products(torch.ones(8)), 0, 1, every)
-    scores = problem.scores(products, within, ridge, every)
+    expected = plain.scores(plain.products(torch.ones(8)), every, alpha=1, penalty=0)
+    scores = problem.scores(products, every, alpha=ridge, penalty=within)
     np.testing.assert_allclose(scores, expected, atol=1e-9)
-    weights, offset, _ = problem.solve(products, within, ridge)
+    weights, offset, _ = problem.solve(products, alpha=ridge, penalty=within)
     np.testing.assert_allclose(tensors[0] @ weights + offset, expected, atol=1e-9)
 
 

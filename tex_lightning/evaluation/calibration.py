@@ -19,7 +19,7 @@ from tex_lightning.core.devices import to_cpu
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import class_indices
 from tex_lightning.evaluation.outcomes import Outcome
-from tex_lightning.networks.choice import fit_temperature
+from tex_lightning.networks.temperature import fit_temperature
 
 BINS = 15
 IMPROBABLE = 1e-12  # the least probability of which a logarithm is taken

@@ -236,8 +236,8 @@ def _inputs(network: LinearNet, embeddings: Tensor) -> Tensor:
     What the network takes for constant is its mean.
     """
     features = embeddings.double()
-    if network.levels:
-        rest, levels = features.tensor_split([-network.levels], dim=1)
+    if network.level_features:
+        rest, levels = features.tensor_split([-network.level_features], dim=1)
         levels = levels @ torch.linalg.inv(network.whitening.double())
         features = torch.cat([rest, levels], dim=1)
     scale = network.scale.double()[:, 0, 0]

@@ -21,8 +21,8 @@ from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.learning.module import SurfaceModule
-from tex_lightning.networks.choice import fit_temperature
 from tex_lightning.networks.linear import LinearNet
+from tex_lightning.networks.temperature import fit_temperature
 from tex_lightning.networks.trunks.efficientnet_lite import TextureFeatures
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning_runtime.samples import content_seed

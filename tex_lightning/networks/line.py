@@ -9,7 +9,7 @@ from torch.nn.functional import pad
 
 from tex_lightning.core.devices import is_at_hand
 from tex_lightning.networks.blocks import FittedLater, Head, score_layer_of
-from tex_lightning.networks.choice import Line
+from tex_lightning.networks.line_fit import Line
 from tex_lightning.networks.planes import ClassPlanes
 from tex_lightning.networks.range import FeatureRange, RangeGate
 
@@ -77,7 +77,7 @@ class GainlessLine(FittedLater):
             weight=(classes, bands, 1, 1), bias=(classes,), direction=(bands,), limits=(2,)
         )
 
-    def fit(self, usual: Line, other: Line, rows: Tensor, share: Tensor) -> None:
+    def fit(self, usual: Line, other: Line, rows: Tensor, block_scale: Tensor) -> None:
         """Use a line without what depends on the gain, if it tells the classes apart, too.
 
         Where levels alone tell them, as those of a pressure, no other scores take their place.
@@ -86,14 +86,14 @@ class GainlessLine(FittedLater):
             usual: The line of all features.
             other: That of the features before the levels.
             rows: (rows, D) training rows as the usual line gets them, the levels last.
-            share: Of each feature in the length of a row (D,).
+            block_scale: (D,), as of a LinearNet.
         """
-        right, with_levels = other.tried.right, usual.tried.right
-        if not right or right < SUFFICES * with_levels - CHANCE * with_levels**0.5:
+        correct, with_levels = other.left_out.correct, usual.left_out.correct
+        if not correct or correct < SUFFICES * with_levels - CHANCE * with_levels**0.5:
             return
         levels = len(usual.whitening)
-        before, last = len(share) - levels, max(1, levels // 2)
-        weights, bias = other.enlarged(share[:before])
+        before, last = len(block_scale) - levels, max(1, levels // 2)
+        weights, bias = other.layer(block_scale[:before])
         mean = torch.cat((torch.zeros(levels - last), torch.full((last,), 1 / last))).double()
         direction = torch.linalg.solve(usual.whitening, mean)
         strengths = rows[:, before:] @ direction
@@ -162,6 +162,12 @@ class ScoreReach(FittedLater):
 class LineOrPlanes(nn.Sequential):
     """Class scores of features that passed a gate: by a linear layer, or by planes where better.
 
+    A recording that is unlike all in training is moved to their ``range``, and the gate takes out
+    what is out of range in it. Then ``planes`` score it, if they are in use. If not, the layer
+    does, or that of ``short`` recordings, or that of another gain (``gainless``); and scores beyond
+    the ``reach`` of the training are brought nearer to each other. The names of the parts are those
+    of checkpoints.
+
     Args:
         gate: Takes features out that are out of range.
         layer: Linear scores; the last part, which other classes are added to.
@@ -206,8 +212,8 @@ class LineOrPlanes(nn.Sequential):
         if not torch.compiler.is_exporting() and x.shape[-1] > BLOCK:
             return torch.cat([self(part, whole) for part in torch.split(x, BLOCK, dim=-1)], dim=-1)
         mean, count = whole
-        bounded, positions = self.reach.in_use and not self.reach.training, x.shape[2:]
-        if bounded:  # the mean passes the gate with the fragments, as the last of them
+        is_bounded, positions = self.reach.in_use and not self.reach.training, x.shape[2:]
+        if is_bounded:  # the mean passes the gate with the fragments, as the last of them
             x = torch.cat((x.flatten(2).mT, mean.mT), dim=1).mT[..., None]
         inside: Tensor = self.gate(self.range(x, whole), whole)
         if not self.is_linear:
@@ -215,7 +221,7 @@ class LineOrPlanes(nn.Sequential):
         scores = weighed(inside, *self.short.layer(self.layer, count))
         if self.gainless.in_use and not self.training:
             scores = self.gainless(inside, mean, scores)
-        if not bounded:
+        if not is_bounded:
             return scores
         within: Tensor = self.reach(scores[:, :, :-1, 0], inside[:, :, -1, 0])
         return within.reshape(*within.shape[:2], *positions)

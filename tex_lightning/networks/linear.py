@@ -7,7 +7,7 @@ moment: ridge regression of the classes on the features, as in MiniRocket (Demps
 import statistics
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from functools import partial
-from itertools import product
+from itertools import compress, product
 from typing import Annotated, cast
 
 import torch
@@ -15,16 +15,16 @@ from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import Head, Level
-from tex_lightning.networks.choice import Line, fit_line
 from tex_lightning.networks.line import REACH, LineOrPlanes
+from tex_lightning.networks.line_fit import Line, fit_line
 from tex_lightning.networks.planes import DIRECTIONS
-from tex_lightning.networks.range import RangeGate
+from tex_lightning.networks.range import RangeGate, gated_groups
 from tex_lightning.networks.ridge import whitened
 from tex_lightning.networks.rows import Examples, LeftOut, Pair, training_rows, unit_changes
 
 MIN_DEVIATION = 1e-3  # of a feature; one that hardly varies says nothing
 OPTIONAL = (("power",), ("axes", "axes_power"))  # kinds of blocks, left out unless they help
-GAIN = {"power", "axes_power"}  # kinds of blocks that depend on the gain, beside the levels
+GAIN = {"power", "axes_power", "level"}  # kinds of blocks that depend on the gain
 CURVED = "mean"  # kind of block in which classes can be planes
 WHITENED = "level"  # kind of block whose features vary together, as under another pressure
 SHORT_PART = 0.25  # of the fragments of a usual training recording: with fewer it is short
@@ -116,23 +116,13 @@ class LinearNet(nn.Module):
         self.classes, self.strength, self.shrinkage = classes, strength, shrinkage
         self.keep_rows = keep_rows
         self.blocks = [("", bands)] if blocks is None else [(kind, size) for kind, size in blocks]
-        self.levels = sum(size for kind, size in self.blocks if kind == WHITENED)
+        self.level_features = sum(size for kind, size in self.blocks if kind == WHITENED)
         self.register_buffer("mean", torch.zeros(bands, 1, 1))
         self.register_buffer("scale", torch.ones(bands, 1, 1))
-        self.register_buffer("whitening", torch.eye(self.levels))
+        self.register_buffer("whitening", torch.eye(self.level_features))
         self.head = Head(nn.Sequential(), bands, classes, dropout=0)
-        gate = RangeGate(self._gated([-1] * bands if bins is None else bins))
-        self.head.scores = LineOrPlanes(gate, self.score_layer)
-
-    def _gated(self, bins: Sequence[int]) -> Tensor:
-        """Return which features (groups, D) are out of range together."""
-        band = torch.tensor(bins)
-        groups = [band == number for number in sorted({*bins} - {-1})]
-        block = torch.repeat_interleave(torch.arange(len(self.blocks)), self.sizes)
-        groups += [block == index for index, (kind, _) in enumerate(self.blocks) if kind == "power"]
-        if self.levels:
-            groups.append(torch.arange(len(block)) >= len(block) - self.levels)
-        return torch.stack(groups) if groups else torch.zeros(0, len(block))
+        groups = gated_groups(self.blocks, [-1] * bands if bins is None else bins)
+        self.head.scores = LineOrPlanes(RangeGate(groups), self.score_layer)
 
     def forward(self, x: Tensor) -> Tensor:
         """Map features (B, 1, D, L) to class scores before softmax (B, classes, L)."""
@@ -149,15 +139,15 @@ class LinearNet(nn.Module):
             level: "fc2" for the features (B, D, L), "fc3" for the scores (B, classes, L).
         """
         x = (x.transpose(1, 2) - self.mean).mul_(self.scale)  # an hour has hundreds of megabytes
-        if self.levels:
-            x[:, -self.levels :, 0] = self.whitening.T @ x[:, -self.levels :, 0]
+        if self.level_features:
+            x[:, -self.level_features :, 0] = self.whitening.T @ x[:, -self.level_features :, 0]
         scores: Tensor = self.head(x, level)
         return scores.squeeze(2)
 
     @property
     def cuts(self) -> bool:
         """Whether :meth:`fit` makes use of pieces."""
-        return not self.levels
+        return not self.level_features
 
     @property
     def sizes(self) -> Tensor:
@@ -206,25 +196,40 @@ class LinearNet(nn.Module):
         examples = Examples(
             inputs, labels.cpu(), groups, recordings or range(len(labels)), pieces, disturbed
         )
-        usual = statistics.median(features.shape[-1] for features in inputs)
         rows, labels, left_out = training_rows(examples)
-        whole = len(rows) == len(inputs)  # else fragments
         mean, deviation = rows.mean(dim=0), rows.std(dim=0, correction=0)
         scale = torch.where(deviation > MIN_DEVIATION, 1 / deviation, 0)
-        share = torch.repeat_interleave(self.sizes.double().rsqrt(), self.sizes)  # of unit length
-        rows = rows.sub_(mean).mul_(scale * share)
-        changes = unit_changes(disturbed, scale * share, self.levels)
-        # of a recording's fragments, which resemble each other, there are about so many in effect
+        scaled = scale * self.block_scale
+        rows = rows.sub_(mean).mul_(scaled)
+        changes = unit_changes(disturbed, scaled, self.level_features)
+        # a recording's fragments resemble each other: in effect there are about so many of them
         weight = (len(rows) / len(inputs)) ** 0.5
         line, gainless = self._lines(rows, labels, left_out, changes, weight)
-        rows = whitened(rows, line.whitening).div_(share)  # in place: many take all the memory
         self.mean.copy_(mean[:, None, None])
         self.scale.copy_(scale[:, None, None])
         self.whitening.copy_(line.whitening)
-        weights, bias = line.enlarged(share)
+        weights, bias = line.layer(self.block_scale)
         self.score_layer.weight.copy_(weights[:, :, None, None])
         self.score_layer.bias = nn.Parameter(bias.to(self.score_layer.weight))
-        scores, most = self.scores, int(usual * SHORT_PART)
+        rows = whitened(rows, line.whitening).div_(self.block_scale)  # many fill the memory
+        self._fit_exceptions(examples, rows, line, gainless)
+
+    @property
+    def block_scale(self) -> Tensor:
+        """Factor of each standardised feature (D,), after which all blocks count alike."""
+        return torch.repeat_interleave(self.sizes.double().rsqrt(), self.sizes)
+
+    def _fit_exceptions(
+        self, examples: Examples, rows: Tensor, line: Line, gainless: Line | None
+    ) -> None:
+        """Fit what scores recordings that are unlike the usual, and what beats the line.
+
+        Rows are standardised features (rows, D) of recordings, or of their fragments, and
+        ``gainless`` is the line of those that no gain changes.
+        """
+        usual = statistics.median(features.shape[-1] for features in examples.inputs)
+        whole = len(rows) == len(examples.inputs)  # else fragments
+        scores, short = self.scores, int(usual * SHORT_PART)
         scores.gate.limits.copy_(scores.gate.limits_of(rows))
         scores.gate.fragments.fill_(usual if whole else 1)
         scores.forget()
@@ -233,17 +238,17 @@ class LinearNet(nn.Module):
         if not scores.is_linear:
             return
         if gainless:
-            scores.gainless.fit(line, gainless, rows, share)
-        if not self.levels:  # which tell much by their range
-            self._fit_range(examples, rows, most)
-        if self.cuts and most:
-            self._fit_short(examples, most)
-        self._fit_reach(examples, rows, share.square())
+            scores.gainless.fit(line, gainless, rows, self.block_scale)
+        if not self.level_features:  # which tell much by their range
+            self._fit_range(examples, rows, short)
+        if self.cuts and short:
+            self._fit_short(examples, short)
+        self._fit_reach(examples, rows)
 
     def _lines(
         self, rows: Tensor, labels: Tensor, left_out: LeftOut, changes: Tensor, weight: float
     ) -> tuple[Line, Line | None]:
-        """Fit the line to standardised rows (rows, D), and one without what depends on the gain.
+        """Fit the line to scaled rows (rows, D), and one without what depends on the gain.
 
         ``weight`` is that of the changes.
 
@@ -252,33 +257,28 @@ class LinearNet(nn.Module):
         """
         fitted = partial(
             fit_line, labels=labels, left_out=left_out, classes=self.classes,
-            strength=self.strength, shrinkage=self.shrinkage, weight=weight,
+            strength=self.strength, shrinkage=self.shrinkage, changes_weight=weight,
         )  # fmt: skip
         varies = rows.any(dim=0)
-        subsets = [kept for kept in self._subsets() if (kept * varies).any()]
-        if not subsets:
+        if not (subsets := [*self._subsets(varies)]):
             raise UserError(
                 "All training recordings are alike: no feature differs between them, as of "
                 "silence, constant signals or one recording that is given for all; check them."
             )
-        line = fitted(rows, changes=changes, subsets=subsets, levels=self.levels)
-        others = slice(rows.shape[1] - self.levels)
-        subsets = [kept[others] for kept in self._subsets(without=GAIN)]
-        subsets = [kept for kept in subsets if (kept * varies[others]).any()]
-        if not self.levels or not subsets:
+        line = fitted(rows, changes=changes, subsets=subsets, level_features=self.level_features)
+        others = slice(rows.shape[1] - self.level_features)
+        subsets = [used[others] for used in self._subsets(varies, without=GAIN)]
+        if not self.level_features or not subsets:
             return line, None
         changes = changes[:, others]
-        return line, fitted(rows[:, others], changes=changes, subsets=subsets, levels=0)
+        return line, fitted(rows[:, others], changes=changes, subsets=subsets, level_features=0)
 
-    def _fit_range(self, examples: Examples, rows: Tensor, most: int) -> None:
-        """Fit the range of the features to rows (rows, D) of recordings, or of their fragments.
-
-        Short recordings have up to ``most`` fragments.
-        """
+    def _fit_range(self, examples: Examples, rows: Tensor, short: int) -> None:
+        """Fit the range of recordings of more than ``short`` fragments to rows (rows, D)."""
         if len(rows) != len(examples.inputs):
             every = torch.split(rows, [features.shape[-1] for features in examples.inputs])
             rows = torch.stack([fragments.mean(dim=0) for fragments in every])
-        self.scores.range.fit(rows, len({*examples.recordings}), most)
+        self.scores.range.fit(rows, len({*examples.recordings}), short)
 
     def _fit_planes(self, examples: Examples, line: Line) -> None:
         """Fit planes of the classes in one of the blocks of means, if they clearly beat the line.
@@ -297,27 +297,24 @@ class LinearNet(nn.Module):
             chosen = (examples.inputs[number][0, span] for number in some)
             return [((x.double().cpu() - mean[span]) * scale[span]).T for x in chosen]
 
-        self.scores.planes.fit_if_better(cut, spans, examples.labels, line.tried)
+        self.scores.planes.fit_if_better(cut, spans, examples.labels, line.left_out)
 
-    def _fit_short(self, examples: Examples, most: int) -> None:
-        """Fit the line of recordings of up to ``most`` fragments to pieces beside whole ones."""
-        given = examples.with_pieces()
-        if given is None:
+    def _fit_short(self, examples: Examples, short: int) -> None:
+        """Fit the line of recordings of up to ``short`` fragments to pieces beside whole ones."""
+        with_pieces = examples.with_pieces()
+        if with_pieces is None:
             return
         other = LinearNet(
             self.classes, bands=len(self.mean), blocks=self.blocks, strength=self.strength,
             shrinkage=self.shrinkage,
         )  # fmt: skip
-        other.fit(*given)
+        other.fit(*with_pieces)
         weight, bias = self._translated(other)
-        self.scores.short.take({"weight": weight, "bias": bias, "most": torch.tensor(float(most))})
+        self.scores.short.take({"weight": weight, "bias": bias, "most": torch.tensor(float(short))})
 
-    def _fit_reach(self, examples: Examples, rows: Tensor, share: Tensor) -> None:
-        """Fit how far out recordings lie that scores are sure of, to pieces, or to rows (rows, D).
-
-        ``share`` is that of each feature in the squared length of a row (D,).
-        """
-        reach, gate = self.scores.reach, self.scores.gate
+    def _fit_reach(self, examples: Examples, rows: Tensor) -> None:
+        """Fit how far out recordings lie that scores are sure of, to pieces or rows (rows, D)."""
+        reach, gate, share = self.scores.reach, self.scores.gate, self.block_scale.square()
         lengths: dict[int, float] = {}  # of the longest piece of each
         for number, piece in examples.pieces:
             mean = self.features(piece.mean(dim=2)[None, :, :, None], "fc2")
@@ -336,16 +333,17 @@ class LinearNet(nn.Module):
         weight = torch.where(scale > 0, weight / scale, 0)[:, :, None, None]
         return weight, cast(Tensor, layer.bias).double() + shift
 
-    def _subsets(self, without: Collection[str] = ()) -> Iterator[Tensor]:
+    def _subsets(self, varies: Tensor, without: Collection[str] = ()) -> Iterator[Tensor]:
         """Yield which features (D,) are used: with every choice of optional blocks, none first.
 
-        Those of the kinds ``without`` never are.
+        Those of the kinds ``without`` never are; some feature always ``varies`` (D,).
         """
         blocks = {kind for kind, _ in self.blocks}.difference(without)
         optional = [kinds for kinds in OPTIONAL if blocks.intersection(kinds)]
-        for wanted in product((False, True), repeat=len(optional)):
-            unused = (kinds for kinds, use in zip(optional, wanted, strict=True) if not use)
-            used = blocks.difference(*unused)
-            kept = torch.tensor([kind in used for kind, _ in self.blocks])
-            if kept.any():
-                yield torch.repeat_interleave(kept, self.sizes).double()
+        for chosen in product((False, True), repeat=len(optional)):
+            unused = compress(optional, (not use for use in chosen))
+            kinds = blocks.difference(*unused)
+            is_used = torch.tensor([kind in kinds for kind, _ in self.blocks])
+            used = torch.repeat_interleave(is_used, self.sizes)
+            if (used & varies).any():
+                yield used.double()

@@ -14,8 +14,9 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.networks.blocks import FittedLater
-from tex_lightning.networks.choice import SHARPNESS, Tried, sharpness_of
+from tex_lightning.networks.line_fit import SHARPNESS, LeftOutScores
 from tex_lightning.networks.rows import count_units
+from tex_lightning.networks.temperature import sharpness_of
 
 DIRECTIONS = 2  # in which a class reaches far: a stroke varies in speed and force
 POOLED = 12.0  # fragments that the scatter of all classes together counts for, in each of them
@@ -85,7 +86,7 @@ class ClassPlanes(FittedLater):
         fragments: Callable[[slice, Iterable[int]], list[Tensor]],
         spans: Sequence[slice],
         labels: Tensor,
-        line: Tried,
+        line: LeftOutScores,
     ) -> None:
         """Use planes in some of the features, if they clearly beat a line.
 
@@ -100,11 +101,11 @@ class ClassPlanes(FittedLater):
             line: What the line gave for left-out recordings.
         """
         classes = line.scores.shape[1]
-        units = count_units(line.labels, line.left_out.units, classes)
+        units = count_units(line.labels, line.units, classes)
         ideal = nn.functional.one_hot(line.labels, classes)
         if units.median() < MIN_UNITS or not _gain(ideal, line) > CLEARLY:
             return
-        tried = [left_out_planes(fragments(span, line.some.tolist()), line) for span in spans]
+        tried = [left_out_planes(fragments(span, line.numbers.tolist()), line) for span in spans]
         gains = [_gain(scores, line) for scores in tried]
         best = max(range(len(tried)), key=gains.__getitem__, default=None)
         if best is None or gains[best] <= CLEARLY:
@@ -112,7 +113,7 @@ class ClassPlanes(FittedLater):
         fitted = fit_planes(fragments(spans[best], range(len(labels))), labels, classes)
         wide = torch.zeros(len(fitted.projection), self.bands).double()
         wide[:, spans[best]] = fitted.projection
-        sharpness = sharpness_of(tried[best], line.labels, line.left_out.parts, 1 / SHARPNESS)
+        sharpness = sharpness_of(tried[best], line.labels, line.parts, 1 / SHARPNESS)
         self.fit(fitted._replace(projection=wide), sharpness)
 
 
@@ -163,14 +164,14 @@ def _projection(fragments: Sequence[Tensor], rows: Tensor) -> Tensor:
     return cast(Tensor, (white @ main[:, -LARGEST:]).T)
 
 
-def left_out_planes(fragments: Sequence[Tensor], line: Tried) -> Tensor:
+def left_out_planes(fragments: Sequence[Tensor], line: LeftOutScores) -> Tensor:
     """Return mean scores (recordings, classes) by a fit without each one's part, else 0.
 
     Args:
         fragments: (L, D) float64 of each recording that the line was tried on.
         line: How these are left out.
     """
-    labels, parts, scores = line.labels, line.left_out.parts, torch.zeros_like(line.scores)
+    labels, parts, scores = line.labels, line.parts, torch.zeros_like(line.scores)
     for part in {*parts[parts >= 0].tolist()}:
         rest, out = parts != part, (parts == part).nonzero()[:, 0].tolist()
         others = [*itertools.compress(fragments, rest.tolist())]
@@ -180,12 +181,12 @@ def left_out_planes(fragments: Sequence[Tensor], line: Tried) -> Tensor:
     return scores
 
 
-def _gain(scores: Tensor, line: Tried) -> float:
+def _gain(scores: Tensor, line: LeftOutScores) -> float:
     """Return how many more left-out rows are right by scores than by a line's, in standard errors.
 
     Scores are (rows, classes), of the rows that the line was tried on.
     """
-    some = line.left_out.parts >= 0
+    some = line.parts >= 0
     right, other = (x.argmax(dim=1)[some] == line.labels[some] for x in (scores, line.scores))
     gained, lost = int((right & ~other).sum()), int((other & ~right).sum())
     return (gained - lost) / math.sqrt(max(1, gained + lost))

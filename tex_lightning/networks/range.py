@@ -1,5 +1,7 @@
 """What of a recording lies outside of everything in training, and must not decide."""
 
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor, nn
 
@@ -76,6 +78,23 @@ class RangeGate(nn.Module):
         outside = far.to(x.dtype) @ self.member.to(x.dtype)
         inside: Tensor = x * (1 - outside.clamp(max=1))[:, :, None, None]
         return inside
+
+
+def gated_groups(blocks: Sequence[tuple[str, int]], bins: Sequence[int]) -> Tensor:
+    """Return which features (groups, D) are out of range together.
+
+    Args:
+        blocks: Kind and number of the features of each block, levels last.
+        bins: Number of the frequency band of each feature, -1 for none.
+    """
+    band, sizes = torch.tensor(bins), torch.tensor([size for _, size in blocks])
+    groups = [band == number for number in sorted({*bins} - {-1})]
+    block = torch.repeat_interleave(torch.arange(len(blocks)), sizes)
+    groups += [block == index for index, (kind, _) in enumerate(blocks) if kind == "power"]
+    levels = torch.repeat_interleave(torch.tensor([kind == "level" for kind, _ in blocks]), sizes)
+    if levels.any():
+        groups.append(levels)
+    return torch.stack(groups) if groups else torch.zeros(0, len(block))
 
 
 class FeatureRange(FittedLater):

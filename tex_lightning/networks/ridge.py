@@ -1,9 +1,20 @@
-"""Ridge regression on subsets of the training rows, and linear discriminants.
+"""Ridge regression of the classes on features, fitted to subsets of the rows, and discriminants.
 
-Rows are few and features many, so everything is computed from products of rows. In each fit every
-class weighs the same, however many rows it has.
+A fit to rows x_i of the classes y_i, which are one-hot, has the weights W and the offset b of the
+least
+
+    sum_i v_i |x_i W + b - y_i|² + alpha |W|² + penalty * mean_j |c_j W|²
+
+Every class has the same share of the v_i, however many rows it has, and they add up to 1. The c_j
+are changes of a row that are to change no score.
+
+Rows are few and features many, so that scores are computed from products of rows, once for all
+subsets (:class:`Products`). Along the few directions of the changes these products are reduced, as
+by the identity of Woodbury. Only levels are multiplied anew for each subset: they are brought to
+equal scatter within the classes, of which rows that are left out must not tell.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import torch
@@ -18,20 +29,21 @@ class Products(NamedTuple):
     """Products of rows by the features in use.
 
     Attributes:
-        kept: Which features are used (D,), 1 or 0.
+        used: Which features are used (D,), 1 or 0.
         gram: Products (rows, rows) by all features but the levels.
-        across: Rows along the directions in which changes lie, (rows, R).
+        along: Rows along the directions in which changes lie, (rows, R).
         directions: These directions (R, D), orthonormal.
         variances: Mean square of the changes along each of them (R,).
-        size: Weighted mean squared length of the centred rows, divided by their number.
+        unit: Weighted mean squared length of the centred rows, divided by their number: the alpha
+            of a strength of 1.
     """
 
-    kept: Tensor
+    used: Tensor
     gram: Tensor
-    across: Tensor
+    along: Tensor
     directions: Tensor
     variances: Tensor
-    size: float
+    unit: float
 
 
 class Ridge:
@@ -41,113 +53,137 @@ class Ridge:
         rows: (rows, D) float64.
         labels: (rows,) class indices.
         classes: Number of classes.
-        changes: Changes (changes, D) of rows that are to change no score, whose mean square can be
-            added to the ridge.
-        levels: Number of the last features, which each fit brings to equal scatter within the
-            classes of its rows.
+        changes: Changes (changes, D) of rows that are to change no score.
+        level_features: Number of the last features, which are levels.
     """
 
     def __init__(
-        self, rows: Tensor, labels: Tensor, classes: int, changes: Tensor, levels: int = 0
+        self, rows: Tensor, labels: Tensor, classes: int, changes: Tensor, level_features: int = 0
     ) -> None:
         self.rows, self.labels, self.classes = rows, labels, classes
-        self.changes, self.levels = changes, levels
+        self.changes, self.level_features = changes, level_features
         self.targets = nn.functional.one_hot(labels, classes).double()
 
-    def weights(self, some: Tensor) -> Tensor:
-        """Return weights (rows,) of sum 1, 0 outside ``some``.
+    def weights(self, fitted: Tensor) -> Tensor:
+        """Return weights (rows,) of sum 1, 0 for rows that are not ``fitted`` to (rows,).
 
         With all rows every class counts alike. A row counts no more for those of its class that are
         left out: of two recordings the other one would else be trusted like both.
         """
         counts = torch.bincount(self.labels, minlength=self.classes)
-        weights = some / counts[self.labels].double()
+        weights = fitted / counts[self.labels].double()
         return weights / weights.sum()
 
-    def products(self, kept: Tensor) -> Products:
+    def products(self, used: Tensor) -> Products:
         """Return the products of rows by the features in use, (D,) of 1 or 0."""
-        rows, changes = self.rows * kept, self.changes * kept
+        rows, changes = self.rows * used, self.changes * used
         values, vectors = torch.linalg.eigh(changes @ changes.T)
         large = values > MIN_VARIANCE * values.max() if len(values) else values > 0
         directions = (vectors[:, large] / values[large].sqrt()).T @ changes
         weights = self.weights(torch.ones_like(self.labels, dtype=torch.bool))
-        size = weights @ rows.square().sum(dim=1) - (weights @ rows).square().sum()
-        others = rows[:, : rows.shape[1] - self.levels]
-        across, variances = rows @ directions.T, values[large] / max(1, len(changes))
-        return Products(
-            kept, others @ others.T, across, directions, variances, float(size) / len(rows)
-        )
+        square = weights @ rows.square().sum(dim=1) - (weights @ rows).square().sum()
+        others = rows[:, : rows.shape[1] - self.level_features]
+        along, variances = rows @ directions.T, values[large] / max(1, len(changes))
+        unit = float(square) / len(rows)
+        return Products(used, others @ others.T, along, directions, variances, unit)
 
-    def scores(self, products: Products, penalty: float, ridge: float, some: Tensor) -> Tensor:
+    def scores(self, products: Products, fitted: Tensor, *, alpha: float, penalty: float) -> Tensor:
         """Return the scores (rows, classes) of all rows by a fit to some of them.
 
         Args:
             products: Of the features in use.
-            penalty: Weight of the changes.
-            ridge: The ridge.
-            some: (rows,) whether each row is fitted to.
+            fitted: (rows,) whether each row is fitted to.
+            alpha: Weight of the squared weights.
+            penalty: Weight of the squared changes.
         """
         kernel = products.gram  # of rows, then as after what the fit does to their features
         if penalty:
-            variances = penalty * products.variances
-            kernel = (
-                kernel - products.across * (variances / (ridge + variances)) @ products.across.T
-            )
-        if self.levels:
-            levels = self.rows[:, -self.levels :]
-            levels = levels @ equal_scatter(levels[some], self.labels[some])
+            shrunk = _shrunk(penalty * products.variances, alpha)
+            kernel = kernel - products.along * shrunk @ products.along.T
+        if self.level_features:
+            levels = self.rows[:, -self.level_features :]
+            levels = levels @ equal_scatter(levels[fitted], self.labels[fitted])
             kernel = kernel + levels @ levels.T
-        weights = self.weights(some)
+        weights = self.weights(fitted)
         mean = kernel @ weights
         centred = kernel - mean - mean[:, None] + weights @ mean
-        root, share = weights[some].sqrt()[:, None], weights @ self.targets
-        inner = root * centred[some][:, some] * root.T + ridge * torch.eye(len(root)).double()
-        dual = root * torch.linalg.solve(inner, root * (self.targets[some] - share))
-        scores: Tensor = centred[:, some] @ dual + share
+        root, share = weights[fitted].sqrt()[:, None], weights @ self.targets
+        inner = root * centred[fitted][:, fitted] * root.T + alpha * torch.eye(len(root)).double()
+        dual = root * torch.linalg.solve(inner, root * (self.targets[fitted] - share))
+        scores: Tensor = centred[:, fitted] @ dual + share
         return scores
 
     def solve(
-        self, products: Products, penalty: float, ridge: float
+        self, products: Products, *, alpha: float, penalty: float
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """Fit to all rows.
+        """Fit to all rows; arguments are those of :meth:`scores`.
 
         Returns:
             Weights (D, classes) of the features, whose levels have to be brought to equal scatter
             by the matrix (levels, levels), which is the third, and offset (classes,).
         """
         every = torch.ones_like(self.labels, dtype=torch.bool)
-        weights, whitening = self.weights(every), torch.eye(self.levels).double()
-        if self.levels:
-            whitening = equal_scatter(self.rows[:, -self.levels :], self.labels)
-        centre, share = weights @ self.rows, weights @ self.targets
-        centre = whitened(centre[None] * products.kept, whitening)
-        root, targets = weights.sqrt()[:, None], self.targets - share
-        variances = penalty * products.variances
+        weights, whitening = self.weights(every), torch.eye(self.level_features).double()
+        if self.level_features:
+            whitening = equal_scatter(self.rows[:, -self.level_features :], self.labels)
+        mean, share = weights @ self.rows, weights @ self.targets
+        mean = whitened(mean[None] * products.used, whitening)
+        root = weights.sqrt()[:, None]
+        targets, variances = root * (self.targets - share), penalty * products.variances
 
         def centred(some: slice) -> Tensor:
-            rows = whitened(self.rows[some] * products.kept, whitening)
-            return rows.sub_(centre).mul_(root[some])
+            rows = whitened(self.rows[some] * products.used, whitening)
+            return rows.sub_(mean).mul_(root[some])
 
         if len(self.rows) > self.rows.shape[1]:
-            metric = (products.directions.T * variances) @ products.directions
-            metric += ridge * torch.eye(len(metric)).double()
-            moments = metric.new_zeros(len(metric), self.classes)
-            for first in range(0, len(self.rows), BLOCK):
-                some = slice(first, first + BLOCK)
-                rows = centred(some)
-                metric.addmm_(rows.T, rows)
-                moments.addmm_(rows.T, root[some] * targets[some])
-            solution = torch.linalg.solve(metric, moments)
+            solution = _solved_by_features(centred, targets, products.directions, variances, alpha)
         else:
-            rows, targets = centred(slice(None)), root * targets
-            shrunk, across = variances / (ridge + variances), rows @ products.directions.T
-            inner = (
-                rows @ rows.T - across * shrunk @ across.T + ridge * torch.eye(len(rows)).double()
-            )
-            solution = rows.T @ torch.linalg.solve(inner, targets)
-            along = products.directions @ solution
-            solution = solution - products.directions.T @ (shrunk[:, None] * along)
-        return solution, share - (centre @ solution)[0], whitening
+            rows = centred(slice(None))
+            solution = _solved_by_rows(rows, targets, products.directions, variances, alpha)
+        return solution, share - (mean @ solution)[0], whitening
+
+
+def _shrunk(variances: Tensor, alpha: float) -> Tensor:
+    """Return by how much products of rows are reduced along each direction (R,)."""
+    return variances / (alpha + variances)
+
+
+def _solved_by_features(
+    rows: Callable[[slice], Tensor],
+    targets: Tensor,
+    directions: Tensor,
+    variances: Tensor,
+    alpha: float,
+) -> Tensor:
+    """Return weights (D, classes) from products (D, D) of features that are fewer than the rows.
+
+    Args:
+        rows: Gives some of the rows (some, D), times the roots of their weights.
+        targets: (rows, classes), likewise.
+        directions: (R, D), in which changes lie.
+        variances: (R,) of the changes, times the penalty.
+        alpha: As of :meth:`Ridge.scores`.
+    """
+    metric = (directions.T * variances) @ directions
+    metric += alpha * torch.eye(len(metric)).double()
+    moments = metric.new_zeros(len(metric), targets.shape[1])
+    for first in range(0, len(targets), BLOCK):
+        some = slice(first, first + BLOCK)
+        block = rows(some)
+        metric.addmm_(block.T, block)
+        moments.addmm_(block.T, targets[some])
+    solution: Tensor = torch.linalg.solve(metric, moments)
+    return solution
+
+
+def _solved_by_rows(
+    rows: Tensor, targets: Tensor, directions: Tensor, variances: Tensor, alpha: float
+) -> Tensor:
+    """Return the same from products (rows, rows) of rows; arguments are as before."""
+    shrunk, along = _shrunk(variances, alpha), rows @ directions.T
+    inner = rows @ rows.T - along * shrunk @ along.T + alpha * torch.eye(len(rows)).double()
+    plain: Tensor = rows.T @ torch.linalg.solve(inner, targets)
+    return plain - directions.T @ (shrunk[:, None] * (directions @ plain))
 
 
 def whitened(rows: Tensor, whitening: Tensor) -> Tensor:

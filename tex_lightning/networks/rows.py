@@ -77,7 +77,7 @@ def training_rows(examples: Examples) -> tuple[Tensor, Tensor, LeftOut]:
     return rows, labels, LeftOut(torch.arange(len(rows)) % PARTS, units)
 
 
-def unit_changes(disturbed: Sequence[Pair], scale: Tensor, levels: int) -> Tensor:
+def unit_changes(disturbed: Sequence[Pair], scale: Tensor, level_features: int) -> Tensor:
     """Return by how much disturbed rows differ, each of length one: (changes, D).
 
     Kinds of disturbance count alike then, whether they are strong or weak. Levels, which a
@@ -86,13 +86,13 @@ def unit_changes(disturbed: Sequence[Pair], scale: Tensor, levels: int) -> Tenso
     Args:
         disturbed: As of :class:`Examples`.
         scale: By which features are multiplied (D,).
-        levels: Number of the last features, which are levels.
+        level_features: Number of the last features, which are levels.
     """
     pairs = [[x[0].double().cpu().mean(dim=1) for x in pair] for pair in disturbed]
     changes = torch.zeros(len(pairs), len(scale)).double()
     for row, (before, after) in zip(changes, pairs, strict=True):
         row.copy_((after - before) * scale)
-    changes[:, len(scale) - levels :] = 0
+    changes[:, len(scale) - level_features :] = 0
     lengths = changes.norm(dim=1)
     unit: Tensor = changes[lengths > 0] / lengths[lengths > 0, None]
     return unit
