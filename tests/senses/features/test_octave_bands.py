@@ -31,7 +31,7 @@ def test_bands_are_means_over_channels_from_one_period_to_half_the_rate(rate, se
 @pytest.mark.parametrize("trend", ["constant", "linear"])
 def test_responses_compare_the_logarithms_of_scipys_spectrum(trend):
     length, hop = 128, 32
-    bands = OctaveBands(2000.0, length, 4, thresholds=8, levels=False, apart=0)
+    bands = OctaveBands(2000.0, length, 4, thresholds=8, slow=False, apart=0)
     bands.detrends = trend == "linear"
     trace = torch.randn(1, 2000, generator=torch.Generator().manual_seed(0))
     trace += 20 * torch.sin(torch.arange(2000) / 300)  # most of it is trend

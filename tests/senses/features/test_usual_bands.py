@@ -15,14 +15,14 @@ def log_bands(seed: int = 0) -> torch.Tensor:
     return 0.3 * noise + torch.linspace(5, 0, BANDS)
 
 
-def responses_of(logs: torch.Tensor, mean: torch.Tensor, levels: bool) -> torch.Tensor:
-    return compared(logs, mean, GAP, 4 if levels else 3)
+def responses_of(logs: torch.Tensor, mean: torch.Tensor, slow: bool) -> torch.Tensor:
+    return compared(logs, mean, GAP, 4 if slow else 3)
 
 
-@pytest.fixture(params=[False, True], ids=["shape", "levels"])
+@pytest.fixture(params=[False, True], ids=["shape", "slow"])
 def learnt(request) -> UsualBands:
     sizes = (BANDS, BANDS - GAP, BANDS, BANDS)[: 4 if request.param else 3]
-    usual, logs = UsualBands(sizes, GAP, levels=request.param, apart=0), log_bands()
+    usual, logs = UsualBands(sizes, GAP, slow=request.param, apart=0), log_bands()
     usual.learn(responses_of(logs, logs.mean(dim=2, keepdim=True), request.param))
     return usual
 
@@ -45,30 +45,30 @@ def test_the_highest_bands_are_empty_with_those_at_their_edge_and_leave_the_mean
 
 
 def test_what_is_empty_has_usual_proportions_means_and_deviations(learnt):
-    levels, whole, cut = learnt.levels, log_bands(1), log_bands(1)
+    slow, whole, cut = learnt.slow, log_bands(1), log_bands(1)
     cut[:, :, -3:] -= 20
     mean = whole.mean(dim=2, keepdim=True)
-    expected = responses_of(whole, mean, levels)
-    found = responses_of(*learnt.without_empty(cut, cut.mean(dim=2, keepdim=True)), levels)
+    expected = responses_of(whole, mean, slow)
+    found = responses_of(*learnt.without_empty(cut, cut.mean(dim=2, keepdim=True)), slow)
     assert not learnt.has_empty(expected)
     assert learnt.has_empty(found)
     shares = (torch.arange(THRESHOLDS) + 0.5) / THRESHOLDS
-    limits = responses_of(log_bands(), log_bands().mean(dim=2, keepdim=True), levels)
+    limits = responses_of(log_bands(), log_bands().mean(dim=2, keepdim=True), slow)
     limits = limits.quantile(shares, dim=0)
-    chosen = slice(None) if levels else slice(2 * BANDS - GAP)
+    chosen = slice(None) if slow else slice(2 * BANDS - GAP)
     above, kept = learnt.fill(found, (found[:, None] > limits).float(), found[:, chosen])
     torch.testing.assert_close(
         above.mean(dim=0), (expected[:, None] > limits).float().mean(dim=0), atol=0.06, rtol=0
     )
     torch.testing.assert_close(kept.mean(dim=0), expected[:, chosen].mean(dim=0), atol=0.05, rtol=0)
-    if levels:
+    if slow:
         torch.testing.assert_close(kept.std(dim=0), expected.std(dim=0), atol=0.08, rtol=0)
 
 
 def test_what_older_checkpoints_know_of_empty_bands_is_known(learnt):
     mean, depth = torch.linspace(5, 0, BANDS), torch.linspace(7, 9, BANDS)
     learnt.moments.copy_(learnt.of_older(torch.stack((mean, depth))))
-    loaded = UsualBands(learnt.sizes, GAP, levels=learnt.levels, apart=0)
+    loaded = UsualBands(learnt.sizes, GAP, slow=learnt.slow, apart=0)
     loaded.load_state_dict(learnt.state_dict())
     torch.testing.assert_close(loaded.depth, depth)
     torch.testing.assert_close(loaded.moments[0, :BANDS], mean)

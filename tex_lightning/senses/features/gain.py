@@ -53,18 +53,22 @@ class KnownGain(FittedLater):
         self.take({"spectra": torch.stack([_spectrum(self.heard(x)) for x in some])})
 
     def forward(self, magnitudes: Tensor) -> Tensor:
-        """Return the magnitudes (bands, frames) of a whole recording as the training's are."""
+        """Return the magnitudes (bands, frames) of a whole recording as the training's are.
+
+        The beginning tells the correction of all frames; but if louder ones show that it was a
+        rest, they tell that of what follows.
+        """
         if not self.in_use:
             return magnitudes
         numbers = torch.arange(magnitudes.shape[1], device=magnitudes.device)
-        heard = self.heard(magnitudes)
-        corrected = corrected_by(self.correction(heard), magnitudes)
-        loud = self.after_rest(magnitudes, heard) & (numbers >= self.frames)
+        beginning = self.heard(magnitudes)
+        corrected = corrected_by(self.correction(beginning), magnitudes)
+        loud = self.after_rest(magnitudes, beginning) & (numbers >= self.frames)
         if is_at_hand(magnitudes) and not loud.any():
             return corrected
-        later = loud.cumsum(dim=0) > 0
-        heard = self.heard_from(magnitudes, (~later).sum())
-        return torch.where(later, corrected_by(self.correction(heard), magnitudes), corrected)
+        is_after = loud.cumsum(dim=0) > 0
+        after = self.heard_from(magnitudes, (~is_after).sum())
+        return torch.where(is_after, corrected_by(self.correction(after), magnitudes), corrected)
 
     def heard(self, magnitudes: Tensor) -> Tensor:
         """Return of each band (bands,) what a gain is told from: the beginning's louder frames."""
@@ -94,10 +98,10 @@ class KnownGain(FittedLater):
         kept = (~empty).to(spectrum)
         apart = (self.spectra - spectrum) * kept
         gains = (apart.sum(dim=1) / kept.sum())[:, None]
-        shapes = ((apart - gains) * kept).square().sum(dim=1)
-        nearest = shapes.argmin(dim=0, keepdim=True)
-        left = shapes[nearest] / apart.square().sum(dim=1).amin(dim=0).clamp_min(torch.finfo().tiny)
-        gain = torch.where(left < LEFT, gains[nearest, 0].exp(), 1.0)
+        distances = ((apart - gains) * kept).square().sum(dim=1)  # of their shapes
+        nearest = distances.argmin(dim=0, keepdim=True)
+        least = apart.square().sum(dim=1).amin(dim=0).clamp_min(torch.finfo().tiny)
+        gain = torch.where(distances[nearest] / least < LEFT, gains[nearest, 0].exp(), 1.0)
         usual = USUAL * (self.spectra - gains)[nearest, :].squeeze(0).exp()
         return gain * torch.stack((kept, usual * empty))
 

@@ -27,7 +27,7 @@ MEAN, DEVIATION = "mean", "deviation"
 
 
 class OctaveBands(nn.Module):
-    """Log power of bands that are even in octaves, compared in three ways, or four if levels count.
+    """Log power of bands that are even in octaves, compared in three ways, or four if slow.
 
     The comparisons are with the mean of the frame, with the band a third of an octave below, with
     itself one window earlier, and with the mean power of the training set.
@@ -37,7 +37,7 @@ class OctaveBands(nn.Module):
         length: Samples of the Hann window.
         per_octave: Bands in an octave.
         thresholds: Number of thresholds for each band.
-        levels: Whether levels count.
+        slow: Whether the signal is slow, so that levels count.
         apart: Number of axes whose bands also count one by one.
 
     Attributes:
@@ -62,15 +62,15 @@ class OctaveBands(nn.Module):
         per_octave: int,
         *,
         thresholds: int,
-        levels: bool,
+        slow: bool,
         apart: int,
     ) -> None:
         super().__init__()
         self.length, self.hop = length, max(1, round(length / OVERLAP))
-        self.gap, self.levels, self.apart = third(per_octave), levels, apart
+        self.gap, self.slow, self.apart = third(per_octave), slow, apart
         filters = octave_filters(sampling_rate, length, per_octave)
         bands = len(filters)
-        self.sizes = (bands, bands - self.gap, bands, bands)[: 4 if levels else 3]
+        self.sizes = (bands, bands - self.gap, bands, bands)[: 4 if slow else 3]
         edges = [bands * part // RANGES for part in range(RANGES + 1)]
         parts = [slice(*pair) for pair in pairwise(edges)]
         self.ranges = [(part, _reach(filters[part])) for part in parts]
@@ -82,7 +82,7 @@ class OctaveBands(nn.Module):
         self.register_buffer("slope", slope, persistent=False)
         self.register_buffer("filters", filters.T.contiguous(), persistent=False)
         self.register_buffer("thresholds", torch.zeros(thresholds, channels))
-        self.usual = UsualBands(self.sizes, self.gap, levels=levels, apart=apart)
+        self.usual = UsualBands(self.sizes, self.gap, slow=slow, apart=apart)
         self.blocks = self._blocks(thresholds)
         self.width = sum(size for _, size in self.blocks)
 
@@ -93,11 +93,11 @@ class OctaveBands(nn.Module):
             kinds = AXES, AXES, AXES, AXES_POWER
             blocks += [(kind, n * self.apart) for kind, n in zip(kinds, shares, strict=True)]
         blocks += [(MEAN, size) for size in self.sizes[:2]]
-        return blocks + ([(DEVIATION, sum(self.sizes))] if self.levels else [])
+        return blocks + ([(DEVIATION, sum(self.sizes))] if self.slow else [])
 
     @property
     def bins(self) -> list[int]:
-        """The band of each feature, where levels do not count."""
+        """The band of each feature, of a signal that is not slow."""
         bands, count = torch.arange(self.sizes[0]), len(self.thresholds)
         means = bands, bands[self.gap :]
         shares = [part.repeat_interleave(count) for part in (*means, bands)]
@@ -108,13 +108,13 @@ class OctaveBands(nn.Module):
         return (samples - self.length) // self.hop + 1
 
     def responses(
-        self, movement: Tensor, level: Tensor, first: int = 0, last: int | None = None
+        self, movement: Tensor, mean_power: Tensor, first: int = 0, last: int | None = None
     ) -> Tensor:
         """Return what is compared with thresholds: (frames, channels), block after block.
 
         Args:
             movement: (axes, samples).
-            level: Mean power () of the training set.
+            mean_power: Mean power () of the training set.
             first: First frame.
             last: One past the last frame; None takes all.
         """
@@ -130,9 +130,9 @@ class OctaveBands(nn.Module):
             power[..., channels] @ self.filters[channels, bands] for bands, channels in self.ranges
         ]
         power = torch.cat(sums, dim=-1).div_(self.window.sum().square())
-        return self.compare(power, level)[first - before :]
+        return self.compare(power, mean_power)[first - before :]
 
-    def in_blocks(self, movement: Tensor, level: Tensor, begin: int = 0) -> Iterator[Tensor]:
+    def in_blocks(self, movement: Tensor, mean_power: Tensor, begin: int = 0) -> Iterator[Tensor]:
         """Yield the same as :meth:`responses` some frames (block, channels) at a time.
 
         Memory then does not grow with the movement (axes, samples). ``begin`` is the first frame.
@@ -141,9 +141,9 @@ class OctaveBands(nn.Module):
         size = BLOCK // (len(movement) * self.length)
         size = min(max(size, MIN_BLOCK), MAX_BLOCK)
         for first in range(begin, frames, size):
-            yield self.responses(movement, level, first, min(frames, first + size))
+            yield self.responses(movement, mean_power, first, min(frames, first + size))
 
-    def compare(self, power: Tensor, level: Tensor) -> Tensor:
+    def compare(self, power: Tensor, mean_power: Tensor) -> Tensor:
         """Compare power (axes, frames, bands) of all axes together, and of each if they count.
 
         Returns:
@@ -152,17 +152,17 @@ class OctaveBands(nn.Module):
         responses = []
         for part in (joined(power), power)[: 1 + bool(self.apart)]:
             # a floor of the frame's own power, so that gain leaves its shape
-            floor = FLOOR * part.mean(dim=2, keepdim=True) + SILENCE * level
-            logs = (part + floor).div_(level).log_()
+            floor = FLOOR * part.mean(dim=2, keepdim=True) + SILENCE * mean_power
+            logs = (part + floor).div_(mean_power).log_()
             logs, mean = self.usual.without_empty(logs, logs.mean(dim=2, keepdim=True))
             responses.append(compared(logs, mean, self.gap, len(self.sizes)))
         return responses[0] if len(responses) == 1 else torch.cat(responses, dim=1)
 
-    def thinned(self, movement: Tensor, level: Tensor, kept: int) -> Tensor:
+    def thinned(self, movement: Tensor, mean_power: Tensor, kept: int) -> Tensor:
         """Return at most so many rows of responses at equal distances, and at least one."""
         frames = self.count_frames(movement.shape[-1])
         step, first, parts = math.ceil(frames / max(1, kept)), 0, []
-        for responses in self.in_blocks(movement, level):
+        for responses in self.in_blocks(movement, mean_power):
             parts.append(responses[-first % step :: step].clone())
             first += len(responses)
         return torch.cat(parts)
@@ -192,14 +192,14 @@ class OctaveBands(nn.Module):
         for responses in blocks:  # as numbers: faster than a comparison as booleans
             found = responses.new_empty(responses.shape[0], *limits.shape)
             found = torch.gt(responses[:, None], limits, out=found)
-            kept = responses[:, : sum(bands if self.levels else bands[:2])]
+            kept = responses[:, : sum(bands if self.slow else bands[:2])]
             if self.usual.has_empty(responses):
                 found, kept = self.usual.fill(responses, found, kept)
             above.add(found.flatten(1))
-            means.add(kept, squares=self.levels)
+            means.add(kept, squares=self.slow)
         shares = above.mean.reshape(-1, *limits.shape).transpose(1, 2).flatten(1)
         parts = [shares, means.mean[:, : sum(bands[:2])]]
-        return torch.cat((*parts, means.variance.sqrt()) if self.levels else parts, dim=1).T
+        return torch.cat((*parts, means.variance.sqrt()) if self.slow else parts, dim=1).T
 
 
 def transform_length(samples: float) -> int:

@@ -151,7 +151,7 @@ class BandProportions(nn.Module):
             return
         part = OctaveBands(
             self.sampling_rate, length, per_octave,
-            thresholds=thresholds, levels=self.levels > 0, apart=self.apart,
+            thresholds=thresholds, slow=self.levels > 0, apart=self.apart,
         )  # fmt: skip
         self.windows.append(part)
 
@@ -225,10 +225,10 @@ class BandProportions(nn.Module):
         for window in self.windows:
             window.usual.forget()
         self.gravity.take(None)
-        held, counts = self._held(traces[number] for number in chosen)
+        held, samples = self._held(traces[number] for number in chosen)
         lengths = torch.tensor([window.length for window in self.windows])
         least = WINDOWS_IN_SLOW if self.levels else WINDOWS_IN_RECORDING
-        self.fits.copy_(lengths * least <= statistics.median(counts))
+        self.fits.copy_(lengths * least <= statistics.median(samples))
         self._note_learnt()
 
         def movements() -> Iterator[Tensor]:
@@ -242,19 +242,19 @@ class BandProportions(nn.Module):
             self._learn_levels(movements)
         self.detrends.fill_(not (self.levels and self.positive.all()))
         self._note_learnt()
-        kept = MAX_FRAMES // len(counts)
+        kept = MAX_FRAMES // len(samples)
         for window in self.used:
             window.learn(torch.cat([window.thinned(x, self.level, kept) for x in movements()]))
 
     def _held(self, traces: Iterable[Tensor]) -> tuple[list[Tensor], list[int]]:
         """Return the movement of the first traces, and the samples of that of all."""
-        held, counts, size = [], [], 0
+        held, samples, size = [], [], 0
         for movement in map(self.movement, traces):
-            counts.append(movement.shape[-1])
+            samples.append(movement.shape[-1])
             size += movement.numel()
             if size <= MAX_HELD:
                 held.append(movement)
-        return held, counts
+        return held, samples
 
     def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *rest: Any) -> None:  # noqa: ANN401
         """Load a state; older checkpoints number buffers, know no usual bands or trends."""
@@ -271,10 +271,10 @@ class BandProportions(nn.Module):
 
     def _learn_levels(self, movements: Callable[[], Iterator[Tensor]]) -> None:
         """Find which channels are positive, the usual deviation of each, and gravity."""
-        found = [
+        measured = [
             ((x > 0).all(dim=-1), x.std(dim=-1, correction=0), x.mean(dim=-1)) for x in movements()
         ]
-        positive, deviations, means = (torch.stack(values) for values in zip(*found, strict=True))
+        positive, deviations, means = map(torch.stack, zip(*measured, strict=True))
         self.positive.copy_(positive.all(dim=0))
         deviation = deviations.mean(dim=0)
         self.deviation.copy_(torch.where(deviation > 0, deviation, torch.ones_like(deviation)))
@@ -335,9 +335,9 @@ class BandProportions(nn.Module):
             fragments: Number of equal fragments.
             mean: (axes, 1) of a longer movement that this is a part of; None takes its own.
         """
-        found, blank = iter(summaries), movement.new_zeros
+        of_used = iter(summaries)
         parts = [
-            next(found) if used else blank(window.width, fragments)
+            next(of_used) if used else movement.new_zeros(window.width, fragments)
             for window, used in zip(self.windows, self.fitting, strict=True)
         ]
         if self.levels:

@@ -22,7 +22,7 @@ class UsualBands(nn.Module):
     Args:
         sizes: Number of bands in each comparison.
         gap: So many bands below an empty one are at the edge of what was recorded.
-        levels: Whether levels count, and with them deviations.
+        slow: Whether the signal is slow, so that levels and deviations count.
         apart: Number of axes whose bands also count one by one.
 
     Attributes:
@@ -34,9 +34,9 @@ class UsualBands(nn.Module):
     moments: Tensor
     depth: Tensor
 
-    def __init__(self, sizes: Sequence[int], gap: int, *, levels: bool, apart: int) -> None:
+    def __init__(self, sizes: Sequence[int], gap: int, *, slow: bool, apart: int) -> None:
         super().__init__()
-        self.sizes, self.gap, self.levels = list(sizes), gap, levels
+        self.sizes, self.gap, self.slow = list(sizes), gap, slow
         bands, before = self.sizes[0], sum(self.sizes[:2])
         each = sum(self.sizes) + apart * before - 1
         # channels of the highest band, compared with itself: if any band is empty, it is
@@ -49,7 +49,7 @@ class UsualBands(nn.Module):
 
     def _note(self, *_: object) -> None:
         self.known = bool(self.moments.any())
-        least = SLOW_DEPTH if self.levels else LEAST_DEPTH
+        least = SLOW_DEPTH if self.slow else LEAST_DEPTH
         self.depth = (EMPTY * self.moments[1, : self.sizes[0]]).clamp_min(least)
 
     def forget(self) -> None:
@@ -76,20 +76,20 @@ class UsualBands(nn.Module):
         if not self.known:
             return logs, mean
         usual, depth = self.moments[0, : self.sizes[0]], self.depth
-        about = mean - usual.mean()
-        highest = logs[..., -1:] - usual[-1] - about
+        offset = mean - usual.mean()  # of the frame from what is usual
+        highest = logs[..., -1:] - usual[-1] - offset
         if is_at_hand(logs) and bool((highest > -depth[-1]).all()):
             return logs, mean
         apart = logs - usual
-        heard = apart - about > -depth
+        heard = apart - offset > -depth
         for _ in range(2):  # the mean of those that are heard is higher, and more are empty below
             heard = _from_the_highest(heard)
             count = heard.sum(dim=2, keepdim=True).clamp_min(1)
-            about = (apart * heard).sum(dim=2, keepdim=True) / count
-            heard = apart - about > -depth
+            offset = (apart * heard).sum(dim=2, keepdim=True) / count
+            heard = apart - offset > -depth
         above = torch.arange(self.gap, logs.shape[2] + self.gap, device=logs.device)
         heard = _from_the_highest(heard).index_select(2, above.clamp_max(logs.shape[2] - 1))
-        mean = torch.where(heard, logs, usual + about).mean(dim=2, keepdim=True)
+        mean = torch.where(heard, logs, usual + offset).mean(dim=2, keepdim=True)
         return torch.where(heard, logs, torch.nan), mean
 
     def has_empty(self, responses: Tensor) -> bool:
@@ -114,7 +114,7 @@ class UsualBands(nn.Module):
         empty, count = responses.isnan(), found.shape[1]
         shares = 1 - (torch.arange(count, device=found.device) + 0.5) / count
         usual = self.moments[0, : kept.shape[1]]
-        if self.levels:  # deviations are features: one frame is above the mean, the next below
+        if self.slow:  # deviations are features: one frame is above the mean, the next below
             frames = torch.arange(kept.shape[0], device=kept.device)
             usual = usual + (1 - 2 * (frames % 2))[:, None] * self._deviations()
         kept = torch.where(empty[:, : kept.shape[1]], usual, kept)
