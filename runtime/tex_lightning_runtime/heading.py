@@ -11,7 +11,7 @@ from tex_lightning_runtime.times import EPOCH, UNITS, TableError
 
 FOOTER, LONGEST = 10, 50  # lines below the numbers: told one by one, and at most
 FACTOR = re.compile(r"\d(?:\.\d+)?e[-+]?\d+ \*", re.IGNORECASE)  # of MATLAB
-COMMENT = re.compile(r"^[ \t]*(?:#|%|//)[#%/ \t]*")
+COMMENT = re.compile(r"^[ \t]*(?:(?:#|%|//)[#%/ \t]*|[-=~*]{3,} +(?=\w))")
 SAMPLES = re.compile(
     r"\b(?:npts|samples|points)[\"' \t:=,;]+(\d+)\b|\b(\d+) samples\b(?! ?(?:/|per))", re.I
 )

@@ -35,12 +35,14 @@ from tex_lightning_runtime.plain_text import (
     ARROW,
     HEAD,
     PAIR,
+    STAMPED,
     UPTIME,
     WRAPPED,
     most,
     pair_names,
     without_comments,
     without_names,
+    word_before,
 )
 from tex_lightning_runtime.stated_rates import lone_rate, rate_doubts, stated_rate
 from tex_lightning_runtime.times import TableError
@@ -145,6 +147,11 @@ def _undecorated(content: bytes, given: str | None) -> tuple[bytes, list[str], D
     if arrows:
         content = re.sub(rb"(?m)^[ \t]*([\[\d].*[\d\"'])[\])}]+[ \t]*$", rb"\1", content)
         sample = [ARROW.sub(b"", line) for line in _sample(content)]
+    elif word := word_before(sample):
+        content = re.sub(rb"(?m)^" + re.escape(word), b"", content)
+        sample = _sample(content)
+    elif most(sample, STAMPED.match):
+        content, *sample = (STAMPED.sub(rb"\1,\2", text) for text in (content, *sample))
     for around in WRAPPED:
         if most(sample, around.match):
             content, *sample = (around.sub(rb"\1", text) for text in (content, *sample))
@@ -170,7 +177,9 @@ def _undecorated(content: bytes, given: str | None) -> tuple[bytes, list[str], D
 
 
 def _clock(found: re.Match[bytes]) -> bytes:
-    seconds = int(found[1]) / 1000 if found[1] else float(found[2])
+    if found[2]:
+        return found[2]
+    seconds = int(found[1]) / 1000 if found[1] else float(found[3])
     return b"[%d:%02d:%09.6f]" % (seconds // 3600, seconds // 60 % 60, seconds % 60)
 
 

@@ -52,19 +52,29 @@ TAG = (  # level, module and mark of a logger; a name before the only number is 
     r"|:(?= +(?:[^\W\d]|[\[({]|[-+.\d]+[,; \t]+[-+.\d][^:=\n]*$)))"
 )
 ARROW = re.compile(  # of monitors of serial ports, and of loggers: 10:00:00.001 -> 0.1
-    r"(?m)^[ \t]*(?:\[ *[A-Z]+\] )?\[?((?:[\d./-]+[ T])?\d{1,2}:\d\d:\d\d(?:[.,:]\d+)?"
+    r"(?m)^[ \t]*(?:\[ *[A-Z]+\] )?\[?(?:\d\d-\d\d (?=\d))?"
+    r"((?:[\d./-]+[ T])?\d{1,2}:\d\d:\d\d(?:[.,:]\d+)?"
     r"(?:Z|[-+]\d\d:?\d\d| ?[AP]M)?|(?<=\[)\d{10}\.\d+)(?:,(\d{3})(?=\]))?"
-    rf"(?: (?={FRACTION} ?[,;\t] ?{FRACTION}|\w+=|[\[({{] ?[-+.\d\"])"
-    rf"|\t(?={FRACTION}, ?{FRACTION})|{TAG})[ \t\[({{]*".encode()
+    r"(?: +\d+ +\d+(?= [A-Z] ))?"  # of processes and threads
+    rf"(?: (?={FRACTION} ?[,;\t] ?{FRACTION}|-?\d+(?:, ?-?\d+){{2}}|\w+=|[\[({{] ?[-+.\d\"'])"
+    rf"|\t(?={FRACTION}, ?{FRACTION})|{TAG})[ \t\[({{]*+(?![,;\t|])".encode()
 )
-UPTIME = re.compile(
-    rb"(?m)^(?:[A-Z] \((\d+)\) (?=\S+: )|\[ *(\d{1,6}\.\d{3,})\](?=.*\d))"
-)  # in ms or s
+UPTIME = re.compile(  # in ms or s, or of the day
+    rb"(?m)^(?:[A-Z] \((?:(\d+)|([\d:.]+))\) (?=\S+: )|\[ *(\d{1,6}\.\d{3,})\](?=.*\d))"
+)
+STAMPED = re.compile(  # 1000 1,2,3 and 0.01 (1, 2, 3)
+    rb"(?m)^[ \t]*(\d{4,}|\d+\.\d+)(?:[:,]? ?[(\[]|[: \t] ?(?=[^,\n]+,[^,\n]+,))"
+    rb"([-+.\deE]+(?:, ?[-+.\deE]+)+)[\])]?[ \t]*$"
+)
+WORD = re.compile(  # before all numbers: ACC: 0.1,0.2
+    rb"[ \t]{0,40}(?=[^,;|\t]{0,80}[A-Za-z])[^\s\d,;|\t\"'{][^,;|\t]{0,80}?(?:[:>\])=(]|(?<=\w) )"
+    rb" {0,40}(?=([\[(<]{0,2}[-+.\d][^\s,;|\t]{0,40}[,;|\t])(?!.*\d +[-+.\d]))"
+)
 PAIR = re.compile(  # name:number or name=number, as plotters of serial ports read them
-    rb"(?m)(?:^|(?<=[\s,;|{]))[\"']?((?:[A-Za-z]\w* )?[A-Za-z_\x80-\xff][\w.\x80-\xff/()^-]*)"
-    rb"[\"']?[ \t]*[:=][ \t]*(?=[\"']?[-+]?\.?\d)"
+    rb"(?m)(?:^|(?<=[\s,;|{(]))[\"']?((?:[A-Za-z]\w* )?[A-Za-z_\x80-\xff]"
+    rb"(?:[\w.\x80-\xff/^-]|\([^()\n]*\))*)[\"']?[ \t]*[:=][ \t]*(?=[\"']?[-+]?\.?\d)"
 )
-WRAPPED = (  # rows in brackets, or in quotes around several cells
+WRAPPED = (  # rows in brackets, or in quotes around several cells, or with a mark at their end
     re.compile(
         rb"(?m)^[ \t]*(?:[\[({]++|<(?=[-+.\d]))[ \t]*+(.*[^\])}> \t\n])[ \t]*[\])}>]+,?[ \t]*$"
     ),
@@ -72,9 +82,10 @@ WRAPPED = (  # rows in brackets, or in quotes around several cells
         rb'(?m)^"(?=[^"\n;\t]*[;\t]|[^"\n.]*\.[^"\n,]*,[^"\n.]*\.|[^"\n]*[A-Za-z)],)'
         rb'([^"\n]*)"[ \t]*$'
     ),
+    re.compile(rb"(?m)^(?=[^,;\n]*,[^,;\n]*,)([^;\n]*+);[ \t]*$"),
 )
 VALUE = re.compile(  # and its unit, and what else stands before the next that has a name
-    rb"\x1f[\"']?([^\s;|\"'}\]\x1f]*[^\s,;|\"'}\]\x1f](?: [A-Za-z%\x80-\xff][^\s,;|\"'}\]:=]*)?)"
+    rb"\x1f[\"']?([^\s;|\"'}\]\x1f]*[^\s,;|\"'}\])\x1f](?: [A-Za-z%\x80-\xff][^\s,;|\"'}\]:=]*)?)"
     rb"(?:[^\x1f\n:=]|[:=][ \t]*(?=[\x1f\n]|\Z))*"
 )
 BEGINS = re.compile(rb"(?<![^\s,;|:={\"'])[-+]?\.?\d")  # numbers
@@ -112,7 +123,7 @@ def read_plain(path: Path) -> bytes:
     if b";" in content and not DIVIDED.search(content) and NUMBER_FIRST.search(content):
         content = REMARK.sub(b"#", content)
     if b"\x1b" in content:
-        content = re.sub(rb"\x1b\[[\d;]*m", b"", content)  # colours
+        content = re.sub(rb"\x1b\[[\d;?]*[A-Za-z]", b"", content)  # colours and places
     for letter, plain in () if content.isascii() else PLAIN.items():
         content = content.replace(letter.encode(), plain)
     if content[:FIRST].lstrip()[:1] in b"[{" and _is_json(content):
@@ -188,6 +199,19 @@ def pair_names(lines: list[bytes]) -> list[str]:
     return [name.decode() for name in PAIR.findall(lines[len(lines) // 2])]
 
 
+def word_before(lines: list[bytes]) -> bytes:
+    """Return what all lines begin with before numbers that have no names; nothing if they differ.
+
+    Text that a separator follows, or a number that stays the same, is a column.
+    """
+    found = WORD.match(lines[0])
+    if found is None or pair_names(lines):
+        return b""
+    first = found[0] + found[1]
+    alike = most(lines, lambda line: line.startswith(found[0]))
+    return found[0] if alike and not all(line.startswith(first) for line in lines) else b""
+
+
 def without_names(content: bytes, names: list[str]) -> bytes:
     """Drop what is neither a number nor its unit; names have to be the same in all lines."""
     found = PAIR.findall(content)
@@ -196,7 +220,8 @@ def without_names(content: bytes, names: list[str]) -> bytes:
             raise TableError(
                 f"does not have {', '.join(names)} in every line; write the same numbers in each"
             )
-    return re.sub(rb"(?m)^[ \t]+|\t$", b"", VALUE.sub(rb"\1\t", PAIR.sub(b"\x1f", content)))
+    plain = re.sub(rb"(?m)(^|\t)[^\x1f\n\t]+(?=\x1f)", rb"\1", PAIR.sub(b"\x1f", content))
+    return re.sub(rb"(?m)^[ \t]+|\t$", b"", VALUE.sub(rb"\1\t", plain))
 
 
 def most(lines: list[bytes], fits: Callable[[bytes], object]) -> bool:

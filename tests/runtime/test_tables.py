@@ -677,6 +677,8 @@ READ = {
             "%Y-%m-%dT%H:%M:%S.%f+0100 ": ", ",
             "%Y-%m-%d %H:%M:%S.%f ": "\t",
             "[%H:%M:%S.%f]◆": ",",
+            "%m-%d %H:%M:%S.%f  812  815 D acc     : ": ",",
+            "I (%H:%M:%S.%f) acc: ": ", ",
         }.items()
     },
     "logged with microseconds behind a comma": (
@@ -750,6 +752,32 @@ READ = {
         table(*(column(axis, "{:.9E}") for axis in AXES), mark="  ").replace("E", "D"), None
     ),
     "a unit of two words": (table(*([f"{c} m/s²" for c in each] for each in XYZ)), None),
+    **{
+        f"before all numbers {before!r}": ("".join(
+            f"{before}{a}{mark}{b}{mark}{c}{behind}\n" for a, b, c in zip(*XYZ, strict=True)), None)
+        for before, mark, behind in (
+            ("ACC: ", ",", ""), ("imu/acc ", ",", ""), ("[ACC] ", "\t", ""),
+            ("D/acc     ( 812): ", ", ", ""), ("acc: [", ", ", "]"), ("array([", ", ", "])"),
+        )
+    },
+    **{
+        f"before the first name {form[:4]!r}": (
+            "".join(form.format(a, b, c) for a, b, c in zip(*XYZ, strict=True)), None
+        )
+        for form in ('imu/acc {{"x": {}, "y": {}, "z": {}}}\n', "Acc(x={}, y={}, z={})\n")
+    },
+    "semicolons at the ends of lines with commas": (table(*XYZ, end=";\n"), None),
+    **{
+        f"since 1970, {form!r}": ("".join(
+            f"{1_772_359_200 + t:.6f}{form.format(a, b, c)}\n"
+            for t, a, b, c in zip(TIMES, *XYZ, strict=True)), RATE)
+        for form in (" {},{},{}", ": {}, {}, {}", " [{}, {}, {}]", ",({}, {}, {})", "\t{},{},{}")
+    },
+    "a place behind a time": (
+        table([f"{m:%Y-%m-%d %H:%M:%S.%f}+0100 [Europe/London]" for m in MOMENTS], *XYZ), RATE
+    ),
+    "a title behind dashes": ("--------- beginning of main\n" + table(*XYZ, mark=" "), None),
+    "places on a screen": ("\x1b[2J\x1b[H" + table(*XYZ), None),
     "lines of events between": (
         "t,x,y,z,event\n" + "".join(
             f"{t},{a},{b},{c},\n" + f"{t},,,,blink\n" * (n % 10 == 5)
@@ -877,6 +905,14 @@ def test_milliseconds_since_1970_beside_whole_numbers_are_no_seconds(tmp_path):
     counts = column(np.array(NUMBERS) % 97, "{}")
     samples, rate, _ = read_table(write(tmp_path, table(moments, counts, X, mark=" ")))
     assert (len(samples), rate) == (2, pytest.approx(200))
+
+
+@pytest.mark.parametrize("form", ["%H:%M:%S.%f ", "%Y-%m-%d %H:%M:%S.%f "])
+def test_whole_numbers_behind_a_clock_and_a_blank(tmp_path, form):
+    first = [f"{time}{cell}" for time, cell in zip(clock(form), COUNTS[0], strict=True)]
+    samples, rate, _ = read_table(write(tmp_path, table(first, *COUNTS[1:])))
+    np.testing.assert_array_equal(samples, np.trunc(AXES * 5e4))
+    assert rate == pytest.approx(RATE)
 
 
 @pytest.mark.parametrize("names", ["", "x,y,z\n"])
@@ -1018,7 +1054,7 @@ REFUSED = {
     ),
     "axes in turn": (table(["x", "y", "z"] * (COUNT // 3), X), "3 kinds in turn by column 1"),
     "numbers within text": (
-        table([f"acc {x}" for x in X], Y, names="x,y\n"), "a number within text; write numbers"
+        table(Y, [f"acc {x}" for x in X], names="x,y\n"), "a number within text; write numbers"
     ),
     "times of few stamps": (
         table(clock("%H:%M:%S"), *XYZ, names="time,x,y,z\n"), "too coarse for the rate; delete"
@@ -1065,7 +1101,7 @@ REFUSED = {
         table(times(), *XYZ, names="t 0.5,gain 1.5,bias 2.5,c\n"), "names or settings: write names"
     ),
     "whole numbers behind text": (
-        table([f"x: {x}" for x in COUNTER], Y), "has 'x: 0' in column 1, a number within text"
+        table(Y, [f"x: {x}" for x in COUNTER]), "has 'x: 0' in column 2, a number within text"
     ),
     "times before a blank": (
         table([f"{10 * n + 900} {500 + n % 97}" for n in NUMBERS], ["7", "8"] * (COUNT // 2)),
