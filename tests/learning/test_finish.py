@@ -1,14 +1,20 @@
 """Statistics of the training recordings' features, kept in the checkpoint."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 import torch
-from conftest import CLASSES, make_trace
+from conftest import CLASSES, make_card, make_trace
 from scipy.stats import binomtest
+from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 
 import tex_lightning as tl
 from tex_lightning.classifier.card import novelty_threshold
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
-from tex_lightning.learning.finish import leave_out_each
+from tex_lightning.data.recordings import Recording
+from tex_lightning.learning.finish import leave_out_each, refit_scores
 
 
 def traces(kind, numbers):
@@ -91,3 +97,59 @@ def test_strong_noise_in_most_features_does_not_hide_what_is_unknown():
     accepted = statistics.novelty(draw(known + torch.arange(strange).repeat(50))) <= threshold
     assert 0.02 < rejected.double().mean() < 0.08
     assert accepted.double().mean() < 0.02
+
+
+def with_embeddings(counts: list[int], spread: float) -> tuple[SurfaceClassifier, torch.Tensor]:
+    """An untrained HapticNet with so many recordings of each class, and their mean features."""
+    torch.manual_seed(0)
+    classifier = SurfaceClassifier(make_card("haptic", width=0.1))
+    labels = np.repeat(CLASSES, counts)
+    rows = [Recording(label, "haptic", Path(f"{n}.wav"), n) for n, label in enumerate(labels)]
+    size = classifier.network.score_layer.in_channels
+    centres = torch.randn(len(CLASSES), size)[
+        torch.arange(len(CLASSES)).repeat_interleave(torch.tensor(counts))
+    ]
+    features = spread * (5 + centres + torch.randn(len(labels), size) * torch.rand(size))
+    classifier.trained_embeddings["haptic"] = rows, features
+    return classifier, features
+
+
+def centred_scores(classifier: SurfaceClassifier, features: torch.Tensor) -> np.ndarray:
+    layer = classifier.network.score_layer
+    scores = (features @ layer.weight.flatten(1).T + layer.bias).detach().numpy()
+    return scores - scores.mean(axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize(("shrinkage", "share"), [(3.0, 0.75), (0.25, 0.2)])
+def test_refitted_scores_are_scikit_learns_discriminants_and_as_confident_as_before(
+    shrinkage, share
+):
+    classifier, features = with_embeddings([9, 9, 9], spread=1)
+    before = centred_scores(classifier, features)
+    refit_scores(classifier, shrinkage)
+    after = centred_scores(classifier, features)
+    labels = [row.label for row in classifier.trained_embeddings["haptic"][0]]
+    # scikit-learn's share of the mean variance is of a sum of both, which changes the size alone
+    theirs = LinearDiscriminantAnalysis("lsqr", shrinkage=share).fit(features.numpy(), labels)
+    expected = theirs.decision_function(features.numpy())
+    expected -= expected.mean(axis=1, keepdims=True)
+    order = [list(theirs.classes_).index(name) for name in CLASSES]
+    slope = np.vdot(after, expected[:, order]) / np.vdot(expected, expected)
+    np.testing.assert_allclose(after, slope * expected[:, order], atol=1e-4 * after.std())
+    assert after.std() == pytest.approx(before.std())
+
+
+@pytest.mark.parametrize("counts", [[1, 1, 1], [1, 2, 5]])
+def test_scores_are_refitted_where_a_class_has_one_recording(counts):
+    classifier, features = with_embeddings(counts, spread=1)
+    refit_scores(classifier, 3.0)
+    found = centred_scores(classifier, features).argmax(axis=1)
+    assert np.isfinite(centred_scores(classifier, features)).all()
+    assert found.tolist() == np.repeat(range(len(CLASSES)), counts).tolist()
+
+
+def test_scores_of_features_that_do_not_differ_stay_as_trained():
+    classifier, _ = with_embeddings([3, 3, 3], spread=0)
+    before = classifier.network.score_layer.weight.clone()
+    refit_scores(classifier, 3.0)
+    assert torch.equal(classifier.network.score_layer.weight, before)

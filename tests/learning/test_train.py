@@ -18,6 +18,7 @@ from tex_lightning.config import Config
 from tex_lightning.config.check import read_config
 from tex_lightning.config.composition import compose_config
 from tex_lightning.core.run_folder import checkpoint_of
+from tex_lightning.learning.finish import refit_scores
 from tex_lightning.learning.provenance import complete_recipe
 from tex_lightning.learning.train import Training, train_networks
 from tex_lightning.studies.dataset import Dataset
@@ -118,6 +119,25 @@ def training_of(run: Path, folder: Path, *watchers: Callback, **callbacks) -> Tr
     card = configured_card(config, dataset.classes)
     card = complete_recipe(config, card, parts, dataset.store, {}, {})
     return Training(config, card, parts, dataset.store, folder, watchers=watchers)
+
+
+def test_fc3_of_a_trained_hapticnet_is_refitted_unless_a_key_says_otherwise(
+    run_once, tiny, tmp_path
+):
+    run, classifiers = run_once("model=haptic", *tiny), []
+    for shrinkage in (3.0, None):
+        training = training_of(run, tmp_path / str(shrinkage))
+        training.config.model.sense("haptic").fit.score_shrinkage = shrinkage
+        classifiers.append(training.run())
+    refitted, trained = classifiers
+    assert same(weights(refitted), weights(load_classifier(checkpoint_of(run, "haptic"))))
+    differ = [
+        name for name, x in weights(trained).items() if not torch.equal(x, weights(refitted)[name])
+    ]
+    assert {name.rpartition(".")[0].rpartition(".")[2] for name in differ} == {"1"}
+    assert all("head.scores" in name for name in differ)
+    refit_scores(trained, 3.0)
+    assert same(weights(trained), weights(refitted))
 
 
 class Stop(Callback):

@@ -69,7 +69,7 @@ def test_discriminants_of_the_scores_are_scikit_learns_with_equal_priors():
     labels = np.repeat(np.arange(CLASSES), [8, 12, 20])
     scores = np.eye(CLASSES)[labels] + rng.standard_normal((40, CLASSES)) @ np.diag([1, 0.5, 0.1])
     coefficients, intercept = discriminants(
-        torch.from_numpy(scores), torch.from_numpy(labels), SHRINKAGE
+        torch.from_numpy(scores), torch.from_numpy(labels), CLASSES, SHRINKAGE
     )
     theirs = LinearDiscriminantAnalysis(
         "lsqr", priors=np.full(CLASSES, 1 / CLASSES), covariance_estimator=Shrunk()

@@ -26,6 +26,8 @@ from tex_lightning.errors import UserError
 from tex_lightning.evaluation.calibration import sample_loss, sample_temperature
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.learning.linear_head import FrozenTrunk, fits_probabilities, scores_textures
+from tex_lightning.networks.blocks import score_layer_of
+from tex_lightning.networks.ridge import discriminants
 
 MAX_FEATURE = 1e18  # whose square is a float32
 REACH = 0.9  # share of left-out recordings that are like the training
@@ -89,6 +91,40 @@ def set_statistics(
         if classifier.fusion is None and getattr(sense.network, "keep_rows", False):
             classifier.rows[name] = TrainingRows.of(features, labels, groups)
     return left_out
+
+
+@torch.no_grad()
+def refit_scores(classifier: SurfaceClassifier, shrinkage: float) -> None:
+    """Replace FC3 of a trained network by linear discriminants (Fisher 1936), in closed form.
+
+    A network that fits every fragment of its few training recordings has nothing left to learn of
+    how recordings of a class differ. The discriminants are those of the recordings' mean features,
+    so that they count each recording once and weigh directions by the scatter between them
+    (docs/reports/2026-11-29-last-layer.md). The scores keep their spread over the training
+    recordings, and so the confidence that they have. FC3 stays as it is where it is no linear layer
+    or features do not differ.
+
+    Args:
+        classifier: Of a single sense, after :func:`set_statistics`.
+        shrinkage: Added to the variance of every feature within the classes, as a multiple of
+            their mean.
+    """
+    ((name, (recordings, features)),) = classifier.trained_embeddings.items()
+    layer: Any = score_layer_of(classifier.senses[name].network)
+    if layer is None:
+        return
+    classes = classifier.card.classes
+    labels = torch.tensor(class_indices([row.label for row in recordings], classes))
+    rows = features.double().cpu()
+    coefficients, intercept = discriminants(rows, labels, len(classes), shrinkage)
+    trained = rows @ layer.weight.double().cpu().flatten(1).T + layer.bias.double().cpu()
+    centred = [x - x.mean(dim=1, keepdim=True) for x in (trained, rows @ coefficients + intercept)]
+    factor = float(centred[0].norm() / centred[1].norm())
+    if not 0 < factor < math.inf:
+        return
+    coefficients -= coefficients.mean(dim=1, keepdim=True)  # what all classes have in common
+    layer.weight.copy_((factor * coefficients.T).reshape(layer.weight.shape))
+    layer.bias.copy_(factor * (intercept - intercept.mean()))
 
 
 def statistics_with_reach(

@@ -38,7 +38,7 @@ from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatche
 from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.recordings import Recording, class_indices
 from tex_lightning.data.store import Store, load_recording
-from tex_lightning.learning.finish import calibrate, set_statistics
+from tex_lightning.learning.finish import calibrate, refit_scores, set_statistics
 from tex_lightning.learning.loggers import open_loggers, show_inputs
 from tex_lightning.learning.module import SurfaceModule, make_module
 from tex_lightning.learning.provenance import complete_recipe
@@ -200,6 +200,10 @@ class Training:
                 classifier, parts.train, store, engine, banks,
                 frozen=frozen, closed_form=frozen and fixed,
             )  # fmt: skip
+            shrinkage = module.fit_config.get("score_shrinkage")
+            if shrinkage is not None and not frozen:
+                refit_scores(classifier, shrinkage)
+                loss = None  # that of the best epoch was of other scores
         for part in classifier.trained_modules():
             layout = torch.contiguous_format
             part.to(memory_format=layout)  # type: ignore[call-overload]  # no stub

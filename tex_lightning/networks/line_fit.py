@@ -189,7 +189,7 @@ class LineFit:
     def _discriminants(self, scores: Tensor, labels: Tensor) -> tuple[Tensor, Tensor]:
         classes = scores.shape[1]
         freedom = max(1, len(scores) - classes)  # with which the scatter is known
-        return discriminants(scores, labels, self.shrinkage * classes / freedom)
+        return discriminants(scores, labels, classes, self.shrinkage * classes / freedom)
 
     def sharpness_of_one_part(
         self, ridge: Ridge, parts: Tensor, chosen: Candidate, factors: Tensor

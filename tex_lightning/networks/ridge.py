@@ -249,16 +249,19 @@ def equal_scatter(rows: Tensor, labels: Tensor) -> Tensor:
     return whitening
 
 
-def discriminants(scores: Tensor, labels: Tensor, shrinkage: float) -> tuple[Tensor, Tensor]:
-    """Return coefficients (classes, classes) and intercept (classes,) of linear discriminants.
+def discriminants(
+    rows: Tensor, labels: Tensor, classes: int, shrinkage: float
+) -> tuple[Tensor, Tensor]:
+    """Return coefficients (D, classes) and intercept (classes,) of linear discriminants.
 
     Args:
-        scores: (rows, classes).
+        rows: (rows, D) float64.
         labels: (rows,) class indices.
+        classes: Number of classes.
         shrinkage: As of ``scatter``.
     """
-    means, within = scatter(scores, labels, shrinkage)
-    absent = scores.shape[1] - len(means)  # classes beyond the last that has rows
+    means, within = scatter(rows, labels, shrinkage)
+    absent = classes - len(means)  # classes beyond the last that has rows
     means = nn.functional.pad(means, (0, 0, 0, absent))
     coefficients: Tensor = torch.linalg.solve(within, means.T)
     coefficients *= len(coefficients) ** 0.5 / coefficients.norm()
