@@ -139,17 +139,19 @@ def test_refitted_scores_are_scikit_learns_discriminants_and_as_confident_as_bef
     assert after.std() == pytest.approx(before.std())
 
 
-@pytest.mark.parametrize("counts", [[1, 1, 1], [1, 2, 5]])
-def test_scores_are_refitted_where_a_class_has_one_recording(counts):
+def test_scores_are_refitted_where_one_class_has_a_single_recording():
+    counts = [1, 6, 9]
     classifier, features = with_embeddings(counts, spread=1)
     refit_scores(classifier, 3.0)
     found = centred_scores(classifier, features).argmax(axis=1)
-    assert np.isfinite(centred_scores(classifier, features)).all()
     assert found.tolist() == np.repeat(range(len(CLASSES)), counts).tolist()
 
 
-def test_scores_of_features_that_do_not_differ_stay_as_trained():
-    classifier, _ = with_embeddings([3, 3, 3], spread=0)
+@pytest.mark.parametrize(
+    ("counts", "spread"), [([5, 5, 4], 1), ([5, 5, 5], 0)], ids=["few", "all alike"]
+)
+def test_scores_stay_as_trained_where_nothing_tells_how_recordings_differ(counts, spread):
+    classifier, _ = with_embeddings(counts, spread)
     before = classifier.network.score_layer.weight.clone()
     refit_scores(classifier, 3.0)
     assert torch.equal(classifier.network.score_layer.weight, before)

@@ -30,6 +30,7 @@ from tex_lightning.networks.blocks import score_layer_of
 from tex_lightning.networks.ridge import discriminants
 
 MAX_FEATURE = 1e18  # whose square is a float32
+MIN_RECORDINGS = 5  # of a class, on average, that tell how recordings of a class differ
 REACH = 0.9  # share of left-out recordings that are like the training
 
 
@@ -101,8 +102,8 @@ def refit_scores(classifier: SurfaceClassifier, shrinkage: float) -> None:
     how recordings of a class differ. The discriminants are those of the recordings' mean features,
     so that they count each recording once and weigh directions by the scatter between them
     (docs/reports/2026-11-29-last-layer.md). The scores keep their spread over the training
-    recordings, and so the confidence that they have. FC3 stays as it is where it is no linear layer
-    or features do not differ.
+    recordings, and so the confidence that they have. FC3 stays as it is where it is no linear
+    layer, classes have fewer than five recordings on average, or features do not differ.
 
     Args:
         classifier: Of a single sense, after :func:`set_statistics`.
@@ -111,9 +112,9 @@ def refit_scores(classifier: SurfaceClassifier, shrinkage: float) -> None:
     """
     ((name, (recordings, features)),) = classifier.trained_embeddings.items()
     layer: Any = score_layer_of(classifier.senses[name].network)
-    if layer is None:
-        return
     classes = classifier.card.classes
+    if layer is None or len(recordings) < MIN_RECORDINGS * len(classes):
+        return
     labels = torch.tensor(class_indices([row.label for row in recordings], classes))
     rows = features.double().cpu()
     coefficients, intercept = discriminants(rows, labels, len(classes), shrinkage)
