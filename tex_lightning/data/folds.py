@@ -53,17 +53,10 @@ def check_conditions(recordings: Recordings, where: Mapping[str, Any]) -> None:
     """
     for name, wanted in where.items():
         values = [(row, dict(row.conditions).get(name)) for row in recordings]
-        known = sorted(
-            {comparable(value) for _, value in values if value is not None}, key=natural_key
-        )
+        known = {comparable(value) for _, value in values if value is not None}
         for value in _values(wanted):
             if comparable(value) not in known:
-                names = dict.fromkeys(key for row in recordings for key, _ in row.conditions)
-                near = nearest(str(value), known) if known else nearest(name, names)
-                raise UserError(
-                    f"data.test_where: no recording has {name} {value}{near}; choose from "
-                    f"{listed(known or list(names)) or 'columns of a manifest (data=manifest)'}."
-                )
+                raise _no_such_condition(recordings, name, value, sorted(known, key=natural_key))
         having = {row.modality for row, value in values if value is not None}
         absent = [row for row, value in values if value is None and row.modality in having]
         if absent:
@@ -71,6 +64,18 @@ def check_conditions(recordings: Recordings, where: Mapping[str, Any]) -> None:
                 f"data.test_where names {name}, which {len(absent)} of the {len(values)} "
                 f"recordings do not say, {absent[0].path} for one: fill it in, or leave them out."
             )
+
+
+def _no_such_condition(
+    recordings: Recordings, name: str, value: object, known: Sequence[str]
+) -> UserError:
+    """Return the error for a value of a condition that is not among the ``known`` ones."""
+    names = dict.fromkeys(key for row in recordings for key, _ in row.conditions)
+    near = nearest(str(value), known) if known else nearest(name, names)
+    return UserError(
+        f"data.test_where: no recording has {name} {value}{near}; choose from "
+        f"{listed(known or list(names)) or 'columns of a manifest (data=manifest)'}."
+    )
 
 
 def tested_part(by: Folding) -> str:

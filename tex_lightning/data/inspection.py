@@ -78,16 +78,8 @@ def copies(recordings: Recordings) -> Iterator[Finding]:
 
 def shared_stretches(rows: Sequence[Recording], store: Store) -> Iterator[Finding]:
     """Yield pairs of signals of different groups that were cut from one, wholly or in part."""
-    places: dict[bytes, dict[int, int]] = defaultdict(dict)
-    for number, row in enumerate(track(rows, f"Comparing {plural(rows[0].modality)}")):
-        for order, place in _landmarks(store.load(row)).items():
-            places[order][number] = place
-    distances: dict[tuple[int, int], Counter[int]] = defaultdict(Counter)
-    for where in places.values():
-        for one, other in combinations(sorted(where), 2) if len(where) <= COMMON else ():
-            distances[one, other][where[one] - where[other]] += 1
-    for (one, other), counted in sorted(distances.items()):
-        distance, count = counted.most_common(1)[0]
+    for (one, other), counts in sorted(_distances(rows, store).items()):
+        distance, count = counts.most_common(1)[0]
         first, second = rows[one], rows[other]
         same = first.part is None and fingerprint(first.path) == fingerprint(second.path)
         if count < SHARED or same or first.group_key == second.group_key:
@@ -97,6 +89,20 @@ def shared_stretches(rows: Sequence[Recording], store: Store) -> Iterator[Findin
         rate = getattr(store.decoders[first.modality], "sampling_rate", 1.0)
         text = f"Two recordings of different groups share {(end - begin) / rate:.3g} s"
         yield Finding("shared stretch", text, named_files([first, second]))
+
+
+def _distances(rows: Sequence[Recording], store: Store) -> dict[tuple[int, int], Counter[int]]:
+    """Count by the numbers of two signals how many samples their common landmarks are apart."""
+    places: dict[bytes, dict[int, int]] = defaultdict(dict)
+    for number, row in enumerate(track(rows, f"Comparing {plural(rows[0].modality)}")):
+        for order, place in _landmarks(store.load(row)).items():
+            places[order][number] = place
+    distances: dict[tuple[int, int], Counter[int]] = defaultdict(Counter)
+    for by_number in places.values():
+        pairs = combinations(sorted(by_number), 2) if len(by_number) <= COMMON else ()
+        for one, other in pairs:
+            distances[one, other][by_number[one] - by_number[other]] += 1
+    return distances
 
 
 def _landmarks(signal: Array) -> Mapping[bytes, int]:
@@ -126,21 +132,9 @@ def _landmarks(signal: Array) -> Mapping[bytes, int]:
 
 
 def alike_photos(rows: Sequence[Recording], store: Store) -> Iterator[Finding]:
-    """Yield pairs of photos of different groups that show the same, at the same place."""
-    small, large = [], []
-    for row in track(rows, f"Comparing {plural(rows[0].modality)}"):
-        grey = np.asarray(store.load(row), np.float32).mean(axis=2)
-        small.append(_standard(cv2.resize(grey, (SMALL, SMALL), interpolation=cv2.INTER_AREA)))
-        details = cv2.resize(grey, (LARGE, LARGE), interpolation=cv2.INTER_AREA)
-        large.append(_standard(details - cv2.GaussianBlur(details, (0, 0), BLUR)))
-    likeness = np.triu(np.stack(small) @ np.stack(small).T, 1)
-    pairs = [
-        (one, other)
-        for one, other in np.argwhere(likeness > LIKE)[:MAX_PAIRS].tolist()
-        if float(large[one] @ large[other]) > SAME
-    ]
-    ones, others = np.array(pairs, int).reshape(-1, 2).T
-    links = scipy.sparse.coo_array((np.ones(len(pairs)), (ones, others)), (len(rows), len(rows)))
+    """Yield sets of photos of several groups that show the same, at the same place."""
+    ones, others = np.array(_similar_pairs(rows, store), int).reshape(-1, 2).T
+    links = scipy.sparse.coo_array((np.ones(len(ones)), (ones, others)), (len(rows), len(rows)))
     _, labels = scipy.sparse.csgraph.connected_components(links, directed=False)
     for label in np.flatnonzero(np.bincount(labels) > 1):
         members = [rows[number] for number in np.flatnonzero(labels == label)]
@@ -149,6 +143,22 @@ def alike_photos(rows: Sequence[Recording], store: Store) -> Iterator[Finding]:
         if len(groups) > 1 and len(contents) > 1:  # else it is a copy
             text = f"{len(members)} {plural(members[0].modality)} of {len(groups)} groups are alike"
             yield Finding("same picture", text, named_files(members))
+
+
+def _similar_pairs(rows: Sequence[Recording], store: Store) -> list[tuple[int, int]]:
+    """Return the numbers of every two photos that are alike in small, and by their details."""
+    small, large = [], []
+    for row in track(rows, f"Comparing {plural(rows[0].modality)}"):
+        grey = np.asarray(store.load(row), np.float32).mean(axis=2)
+        small.append(_standard(cv2.resize(grey, (SMALL, SMALL), interpolation=cv2.INTER_AREA)))
+        details = cv2.resize(grey, (LARGE, LARGE), interpolation=cv2.INTER_AREA)
+        large.append(_standard(details - cv2.GaussianBlur(details, (0, 0), BLUR)))
+    likeness = np.triu(np.stack(small) @ np.stack(small).T, 1)
+    return [
+        (one, other)
+        for one, other in np.argwhere(likeness > LIKE)[:MAX_PAIRS].tolist()
+        if float(large[one] @ large[other]) > SAME
+    ]
 
 
 def _standard(picture: Array) -> npt.NDArray[np.float32]:

@@ -4,7 +4,7 @@ import csv
 import os
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from io import StringIO
@@ -98,31 +98,34 @@ def read_manifest(path: str | Path) -> Recordings:
         raise UserError(f"Manifest {path} lists no recordings; add lines {','.join(COLUMNS)}.")
     cells = {where: (line.get(FOLD) or "").strip() for where, line in lines.items()}
     folds, notes = _fixed_folds(cells)
-    notes += tuple(
-        f"Manifest {path} has no column {name}: {how}."
-        for name, how in ASSUMED.items()
-        if name not in names
+    folded = zip(rows, folds, strict=True)
+    return Recordings(
+        tuple(replace(row, fold=fold) for row, fold in folded), (*notes, *_notes(path, names))
     )
-    if "group" not in names:
-        notes += tuple(
-            f"The column {name} is a condition; call it group if what shares one is to be left out "
-            "together."
-            for name in names
-            if SESSIONS.fullmatch(name.casefold())
-        )
-    if PART not in names and len(spans := [name for name in names if SPAN.fullmatch(name)]) > 1:
-        notes += (
-            f"The columns {' and '.join(spans)} are conditions, and files are read whole; give a "
-            "column part, such as 0-0.5, if a part of a file is meant.",
-        )
-    placed = zip(rows, folds, strict=True)
-    return Recordings(tuple(replace(row, fold=fold) for row, fold in placed), notes)
 
 
 ASSUMED = {
     "modality": "what is no photo is haptic",
     "group": "files of other names are groups of their own, which tests leave out one by one",
 }
+
+
+def _notes(path: Path, names: Sequence[str]) -> Iterator[str]:
+    """Yield what is taken for granted in a manifest with columns of these names."""
+    for name, how in ASSUMED.items():
+        if name not in names:
+            yield f"Manifest {path} has no column {name}: {how}."
+    if "group" not in names:
+        for name in filter(lambda name: SESSIONS.fullmatch(name.casefold()), names):
+            yield (
+                f"The column {name} is a condition; call it group if what shares one is to be left "
+                "out together."
+            )
+    if PART not in names and len(spans := [name for name in names if SPAN.fullmatch(name)]) > 1:
+        yield (
+            f"The columns {' and '.join(spans)} are conditions, and files are read whole; give a "
+            "column part, such as 0-0.5, if a part of a file is meant."
+        )
 
 
 def modality_by_suffix(path: Path) -> str:

@@ -85,20 +85,26 @@ def fold_batch_norm(network: nn.Module, source: nn.Module | None = None) -> int:
     uses, folded = _uses(source), 0
     for layers, given in zip(sequences(network), sequences(source), strict=True):
         for place, name in enumerate(list(given._modules)):
-            before = place - 2 if place and type(given[place - 1]) is nn.MaxPool2d else place - 1
-            if before < 0 or not _foldable(given[before], given[place]):
-                continue
-            conv, *pools, norm = (given[index] for index in range(before, place + 1))
-            parts = conv, norm, *conv.parameters(), *norm.parameters()
-            scale, shift = _affine(norm)
-            if any(uses[id(part)] > 1 for part in parts):
-                continue
-            if any(_has_hooks(pool) or pool.return_indices or (scale <= 0).any() for pool in pools):
-                continue
-            _scale(conv, scale, shift, layers[before])
-            setattr(layers, name, nn.Identity())
-            folded += 1
+            before = _convolution_before(given, place, uses)
+            if before is not None:
+                _scale(given[before], *_affine(given[place]), layers[before])
+                setattr(layers, name, nn.Identity())
+                folded += 1
     return folded
+
+
+def _convolution_before(layers: nn.Sequential, place: int, uses: Counter[int]) -> int | None:
+    """Return the place of the convolution that the layer at a place can be folded into, if any."""
+    before = place - 2 if place and type(layers[place - 1]) is nn.MaxPool2d else place - 1
+    if before < 0 or not _foldable(layers[before], layers[place]):
+        return None
+    conv, *pools, norm = (layers[index] for index in range(before, place + 1))
+    if any(uses[id(part)] > 1 for part in (conv, norm, *conv.parameters(), *norm.parameters())):
+        return None
+    scale, _ = _affine(norm)
+    if any(_has_hooks(pool) or pool.return_indices or (scale <= 0).any() for pool in pools):
+        return None
+    return before
 
 
 def _foldable(conv: Any, norm: Any) -> bool:  # noqa: ANN401
