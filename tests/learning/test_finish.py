@@ -8,6 +8,7 @@ import torch
 from conftest import CLASSES, make_card, make_trace
 from scipy.stats import binomtest
 from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
+from torch.nn.utils.parametrizations import weight_norm
 
 import tex_lightning as tl
 from tex_lightning.classifier.card import novelty_threshold
@@ -151,7 +152,15 @@ def test_scores_are_refitted_where_one_class_has_a_single_recording():
     ("counts", "spread"), [([5, 5, 4], 1), ([5, 5, 5], 0)], ids=["few", "all alike"]
 )
 def test_scores_stay_as_trained_where_nothing_tells_how_recordings_differ(counts, spread):
-    classifier, _ = with_embeddings(counts, spread)
-    before = classifier.network.score_layer.weight.clone()
+    classifier, features = with_embeddings(counts, spread)
+    before = centred_scores(classifier, features)
     refit_scores(classifier, 3.0)
-    assert torch.equal(classifier.network.score_layer.weight, before)
+    np.testing.assert_array_equal(centred_scores(classifier, features), before)
+
+
+def test_scores_whose_weights_are_computed_stay_as_trained():
+    classifier, features = with_embeddings([5, 5, 5], spread=1)
+    weight_norm(classifier.network.score_layer)
+    before = centred_scores(classifier, features)
+    refit_scores(classifier, 3.0)
+    np.testing.assert_array_equal(centred_scores(classifier, features), before)

@@ -9,7 +9,7 @@ from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import Any
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from tex_lightning.classifier.card import NOVELTIES
 from tex_lightning.classifier.classifier import SurfaceClassifier
@@ -102,8 +102,8 @@ def refit_scores(classifier: SurfaceClassifier, shrinkage: float) -> None:
     how recordings of a class differ. The discriminants are those of the recordings' mean features,
     so that they count each recording once and weigh directions by the scatter between them
     (docs/reports/2026-11-29-last-layer.md). The scores keep their spread over the training
-    recordings, and so the confidence that they have. FC3 stays as it is where it is no linear
-    layer, classes have fewer than five recordings on average, or features do not differ.
+    recordings, and so the confidence that they have. FC3 stays as it is where it has no weights of
+    its own, classes have fewer than five recordings on average, or features do not differ.
 
     Args:
         classifier: Of a single sense, after :func:`set_statistics`.
@@ -113,7 +113,9 @@ def refit_scores(classifier: SurfaceClassifier, shrinkage: float) -> None:
     ((name, (recordings, features)),) = classifier.trained_embeddings.items()
     layer: Any = score_layer_of(classifier.senses[name].network)
     classes = classifier.card.classes
-    if layer is None or len(recordings) < MIN_RECORDINGS * len(classes):
+    if layer is None or not isinstance(layer.weight, nn.Parameter):
+        return
+    if len(recordings) < MIN_RECORDINGS * len(classes):
         return
     labels = torch.tensor(class_indices([row.label for row in recordings], classes))
     rows = features.double().cpu()
