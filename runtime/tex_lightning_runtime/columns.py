@@ -4,7 +4,7 @@ import math
 import re
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -86,6 +86,8 @@ def separate(
         axes = _chosen(channels, axes, columns, left)
     blank = np.all([column.values.isna() for column in axes], axis=0)
     rows = ~blank if times is not None and not blank.all() else np.full(len(blank), True)
+    if not rows.all():  # where another column of time may be whole
+        find_time([replace(c, values=c.values[rows]) for c in columns], time_unit, rate)
     samples = np.stack([_samples(column, rows) for column in axes])
     if channels is None:
         _check_alone(axes)
@@ -104,7 +106,7 @@ def separate(
             found = found._replace(notes=(*found.notes, f"{told} Hz, which count"))
     names = tuple(column.name for column in axes) if axes[0].named else ()
     warned = [
-        *(_warned(axes) if times is None else ()),
+        *(_warned(columns, axes) if times is None else ()),
         *(_unlike(axes, timed=times is not None) if channels is None else ()),
     ]
     notes = (*cut, *warned, *_joined(columns), *found.notes)
@@ -152,12 +154,15 @@ def _divided(
     return axes, tuple(f"{column.title} ({why})" for column, why in reasons.items() if why)
 
 
-def _warned(axes: list[Column]) -> list[str]:
-    """Say of the first axis that rises all the time that it was not taken for time."""
-    for axis in (a for a in axes if len(a.values) > MIN_RISING + 1):
-        if axis.values.is_monotonic_increasing and axis.values.is_unique:
-            how = "if it is time, call it time_s in the line of names, or time_us by its unit"
-            return [f"{axis.title} rises at every sample and is read as an axis; {how}"]
+def _warned(columns: list[Column], axes: list[Column]) -> list[str]:
+    """Say of the first axis, or index of fractions, that rises that it was not taken for time."""
+    for column in (c for c in columns if len(c.values) > MIN_RISING + 1 and not c.is_text):
+        index = column not in axes and column.reason() == "index" and not column.is_whole
+        rises = column.values.is_monotonic_increasing and column.values.is_unique
+        if rises and (index or column in axes):
+            how = "left out as an index" if index else "read as an axis"
+            name = "if it is time, call it time_s in the line of names, or time_us by its unit"
+            return [f"{column.title} rises at every sample and is {how}; {name}"]
     return []
 
 

@@ -25,8 +25,8 @@ def find_time(
 ) -> tuple[Column | None, Array | None, list[Column]]:
     """Return the column of time, its seconds, and further ones; the finest is taken.
 
-    Where a rate stands above the table, the first numbers that rise by its period are times, and
-    times without a unit, or of few different stamps, are not needed.
+    Where a rate stands above the table, numbers that rise by its period are times, and times
+    without a unit, or of few different stamps, are not needed.
     """
     broken = [c for c in columns if c.is_text and not c.is_stamp and TIMES & {*c.words}]
     failed = [column.no_times() for column in broken]
@@ -47,13 +47,18 @@ def find_time(
         return time, seconds[time], [c for c in (*candidates, *broken) if c is not time]
     if failed and not rate:
         raise failed[0]
-    first = next((c for c in columns if not c.is_text and c not in candidates), None)
-    if first and rate:
-        steps = np.diff(np.asarray(first.values, np.float64))
-        if len(steps) > MIN_RISING and (np.abs(steps * rate - 1) < EVEN).all():
-            again = [c for c in columns if c is not first and c.values.equals(first.values)]
-            return first, np.append(0.0, np.cumsum(steps)), [*candidates, *again]
+    for column in (c for c in columns if rate and c not in candidates and _rises_by(c, 1 / rate)):
+        again = [c for c in columns if c is not column and c.values.equals(column.values)]
+        return column, np.asarray(column.values - column.values.iloc[0]), [*candidates, *again]
     return None, None, candidates
+
+
+def _rises_by(column: Column, period: float) -> bool:
+    """Return whether a column rises by a period at every sample."""
+    if column.is_text:
+        return False
+    steps = np.diff(np.asarray(column.values, np.float64))
+    return len(steps) > MIN_RISING and bool((np.abs(steps / period - 1) < EVEN).all())
 
 
 def _check_agreement(seconds: Mapping[Column, Array], time: Column) -> None:

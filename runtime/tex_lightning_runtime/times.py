@@ -191,6 +191,11 @@ def even_samples(times: Array, samples: Array) -> Even:
         TableError: If the times do not rise, or most samples are missing.
     """
     steps = np.diff(times)
+    if len(steps) and not steps.any():
+        raise TableError(
+            "has times that do not rise at all, too coarse for the rate; delete that column and "
+            "give data.file_rate"
+        )
     if not len(steps) or times[-1] <= times[0] or not (steps >= 0).all():
         raise TableError(
             f"has times that do not rise at sample {int(np.argmin([*(steps >= 0), False])) + 1}; "
