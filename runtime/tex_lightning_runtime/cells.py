@@ -16,7 +16,7 @@ USUAL = 0.8  # of the cells of a column, which are of its kind, or all but one
 NO_SEPARATOR = "\x1f"  # where there is one column
 MISSING = {
     "", "nan", "NaN", "null", "NULL", "none", "None", "na", "NA", "n/a", "N/A", "#N/A", "<NA>", "-",
-    "--", "---",
+    "--", "---", "-nan", "nan(ind)", "-nan(ind)", "-1.#IND", "-1.#IND00", "1.#QNAN", "1.#QNAN0",
 }  # fmt: skip
 NUMBER = re.compile(  # blanks divide no more than thousands
     r"[-+]?([1-9]\d{0,2}([ '’\u00a0\u2009\u202f]\d{3})+([.,]\d*)?|\d([\d.,]*[\d.])?|[.,]\d+)"
@@ -75,8 +75,12 @@ class Kinds:
 
     def __init__(self, rows: Sequence[Sequence[str]]) -> None:
         self.rows = rows
-        counts = [Counter(map(kind, column)) for column in zip(*rows, strict=True)]
+        columns = [*zip(*rows, strict=True)]
+        counts = [Counter(map(kind, column)) for column in columns]
         self.kinds = [self._usual(count) for count in counts]
+        self.plain = [
+            all(NUMBER.fullmatch(c) or c in MISSING for c in column) for column in columns
+        ]
         self.count = next((n for n in range(len(counts), 0, -1) if self.kinds[n - 1]), 0)
 
     @staticmethod
@@ -98,8 +102,10 @@ class Kinds:
         return next((n for n, kind in enumerate(self.kinds) if kind), 0)
 
     def fit(self, cells: Sequence[str]) -> bool:
-        """Return whether cells are a whole row of the table."""
+        """Return whether cells are a whole row of the table, with units where it has them."""
         if not self.count <= len(cells) <= len(self.kinds):
+            return False
+        if any(p and QUANTITY.fullmatch(c) for p, c in zip(self.plain, cells, strict=False)):
             return False
         found = [kind(cell) for cell in cells]
         pairs = [*zip(found, self.kinds, strict=False)]

@@ -2,9 +2,11 @@
 
 import re
 from collections.abc import Sequence
+from itertools import takewhile
 
 from tex_lightning_runtime.cells import WHOLE, Dialect, Kinds, kind
 from tex_lightning_runtime.column import TIMES, UNNAMED, plain_unit, split_words
+from tex_lightning_runtime.errors import inflected
 from tex_lightning_runtime.resampling import MAX_RATE, MIN_RATE
 from tex_lightning_runtime.stated_rates import amount, lone_rate, stated_rate
 from tex_lightning_runtime.times import EPOCH, UNITS, TableError
@@ -25,6 +27,7 @@ UNIT = re.compile(  # in a row of units
 UNNUMBERED = re.compile(rf"{UNNAMED.pattern}|[(\[].{{0,80}}?[)\]]")  # X (1.5 g)
 FRACTION = re.compile(r"\b\d+[.,]\d+")
 JSON_NAMES = re.compile(r'"columns?": *\[([^\]]{0,4000})\]')  # as OpenSignals has them
+TITLED = re.compile(r"\S \S+: \S")  # Title 1: Time
 STATEMENT = re.compile(r"[^=]+=\s*[-+]?[\d.].*")  # between names
 
 
@@ -37,13 +40,24 @@ def read_heading(
     these are titles with one value each, which are no names.
     """
     rows: list[list[str]] = []
-    for line in reversed(above):
+    cut = [*takewhile(lambda line: _is_part(line, dialect), reversed(above))]
+    if cut:
+        many = inflected(
+            len(cut), "incomplete line of numbers is", "incomplete lines of numbers are"
+        )
+        notes.append(f"{many} left out: {cut[-1].strip()[:40]!r}")
+    for line in reversed(above[: len(above) - len(cut)]):
         commented, plain = bool(COMMENT.match(line)), COMMENT.sub("", line, count=1)
         cells = _as_many(plain, dialect, columns)
         whole = dialect.cells(line) if dialect.separator != " " or columns.numbered else []
         if commented and len(cells) < columns.count == len(whole):  # # is a name
             cells = whole
-        if _are_names(cells, columns) and (rows or not stated_rate([",".join(cells)])):
+        listed_pair = listed and len(cells) == 2
+        if (
+            not listed_pair
+            and _are_names(cells, columns)
+            and (rows or not stated_rate([",".join(cells)]))
+        ):
             rows.append(cells)
         elif rows:
             break
@@ -52,6 +66,12 @@ def read_heading(
         elif not commented:
             notes.append(f"a line without numbers is left out: {line.strip()[:40]!r}")
     return rows, None
+
+
+def _is_part(line: str, dialect: Dialect) -> bool:
+    """Return whether a line holds several numbers and nothing else, and states no rate."""
+    found = [*filter(None, map(kind, dialect.cells(line)))]
+    return len(found) > 1 and "text" not in found and not stated_rate([line])
 
 
 def _are_names(cells: Sequence[str], columns: Kinds) -> bool:
@@ -99,10 +119,10 @@ def _read_other(
         return lone_rate(cells[0], columns.rows, notes)
     if stated_rate([line]) or _are_settings(cells):
         return None  # which is read with the other lines above
-    if sum(numbers) > 0.5 * len(cells) or (any(numbers) and len(cells) == columns.count):
-        notes.append(f"an incomplete line of numbers is left out: {line.strip()[:40]!r}")
-    elif listed:
+    if listed:
         notes.append(f"a line without names is left out: {line.strip()[:40]!r}")
+    elif sum(numbers) > 0.5 * len(cells) or (any(numbers) and len(cells) == columns.count):
+        notes.append(f"an incomplete line of numbers is left out: {line.strip()[:40]!r}")
     elif len(cells) > 1 and not any(numbers):
         raise mismatch(len(cells), columns.count)
     return None
@@ -129,6 +149,8 @@ def _as_many(line: str, dialect: Dialect, columns: Kinds) -> list[str]:
     if best or count == 1:  # a blank may stand in a name, and a unit behind a comma
         return best or [part for part in re.split(r"[;\t]|,(?! )", line.strip()) if part]
     for separator in (dialect.separator, "  ", ",", ";", "\t", " "):
+        if separator != dialect.separator and TITLED.search(line):
+            continue
         whole = re.sub(r" (?=[(\[])", "", line) if separator == " " else line  # t [s] x [g]
         cells = Dialect(separator, dialect.quote).cells(whole)
         while len(cells) > count and (
@@ -137,7 +159,8 @@ def _as_many(line: str, dialect: Dialect, columns: Kinds) -> list[str]:
         ):
             cells.pop()
         more = len(cells) == count + 1
-        if more and (cells[0].endswith((":", "=")) or cells[0] == "Headers"):  # Fields: x y
+        titled = cells and (cells[0].endswith((":", "=")) or cells[0] == "Headers")
+        if more and titled and "number" not in map(kind, cells):  # Fields: x y
             cells = cells[1:]
         alike = separator == dialect.separator and columns.numbered
         if alike and 1 < len(cells) == count - 1 and {*map(kind, cells)} == {"text"}:
@@ -160,9 +183,9 @@ def names_and_units(heading: list[list[str]]) -> tuple[tuple[str, ...] | None, t
         found = tuple(heading[0]) if any(map(UNIT.fullmatch, heading[0])) else ()
         units, heading = units or found, heading[1:]
     names = list(heading[0])
-    levels = len(heading) > 1 and sum(map(bool, heading[1])) > 1
-    if levels and not _differ(names):  # several levels, as pandas writes them
-        names = [f"{a} {b}".strip() for a, b in zip(heading[1], names, strict=True)]
+    for level in heading[1:]:  # several, as pandas writes them
+        if sum(map(bool, level)) > 1 and not _differ(names):
+            names = [f"{a} {b}".strip() for a, b in zip(level, names, strict=True)]
     return tuple(names), units
 
 

@@ -16,6 +16,7 @@ from tex_lightning_runtime.cells import (
     decimal_mark,
     kind,
 )
+from tex_lightning_runtime.column import TIMES, split_words
 from tex_lightning_runtime.errors import inflected
 from tex_lightning_runtime.heading import (
     COMMENT,
@@ -53,6 +54,8 @@ SEPARATORS = [",", ";", "\t", "|", " "]
 SEP = re.compile(rb'"?sep=(.)"?[ \t]*\n', re.IGNORECASE)  # of Excel
 UNIT_BEHIND = re.compile(rf"(?<=\d) +(?:{UNIT.pattern})(?=[ ]*(?:[,;\t|]|$))")  # of a number
 KEYS = re.compile(r"(?m)(?:^[A-Z]+(?:_[A-Z]+)+\b.*\n?){3}\Z")  # MARKER_NAMES
+VALUES = re.compile(r"(?:.*_)?(?:data|values?)\W*", re.IGNORECASE)  # a title of rows
+BEHIND = rb"(?m)^([^#\n]*?[\d.][\"]?)%b *(#(?!N/A|NV\b|[A-Z/0]+[!?])[^\n]*)"  # a row, a remark
 BITS = re.compile(r"[01]{4,32}")
 COMMAS = re.compile(r"\s*(?:[-+]?\d+,\d+(?:e[-+]?\d+)?(?:\s+|$)){2,}", re.I)  # decimal ones
 MIXED = re.compile(r"(?=.*\t).*?\.\d+ +[-+]?\d*\.\d")  # a tab, and blanks between numbers
@@ -91,6 +94,7 @@ def find_layout(content: bytes) -> tuple[bytes, Layout]:
     rows = [dialect.cells(line) for line in lines]
     width = Counter(map(len, rows)).most_common(1)[0][0]
     columns = Kinds([row for row in rows if len(row) == width])
+    content, notes = _without_remarks(content, dialect, columns)
     head = content[:HEAD].decode(errors="replace").split("\n")
     first = _first_row(columns, dialect, head)
     start = _below_titles(columns, dialect, head, first)
@@ -101,20 +105,40 @@ def find_layout(content: bytes) -> tuple[bytes, Layout]:
         columns = Kinds([dialect.cells(line) for line in lines])
     content, layout = _with_heading(content, dialect, columns, head, start, names)
     if start > first:
-        told = f"the numbers above {head[start - 1].strip()[:40]!r} are left out"
-        layout = replace(layout, notes=(told, *layout.notes))
-    return content, layout
+        notes.append(f"the numbers above {head[start - 1].strip()[:40]!r} are left out")
+    return content, replace(layout, notes=(*notes, *layout.notes))
+
+
+def _without_remarks(content: bytes, dialect: Dialect, columns: Kinds) -> tuple[bytes, list[str]]:
+    """Drop remarks in a cell of their own behind whole rows, and say so."""
+    mark, left = dialect.separator.encode(), list[str]()
+    usual = any(cell.startswith("#") for row in columns.rows for cell in row)
+    blanks = mark.isspace() and mark != b"\t"
+    if usual or blanks or not any(mark + each in content for each in (b"#", b" #")):
+        return content, []
+
+    def shortened(found: re.Match[bytes]) -> bytes:
+        if not columns.fit(dialect.cells(found[1].decode(errors="replace"))):
+            return found[0]
+        left.append(found[2].decode(errors="replace"))
+        return found[1]
+
+    content = re.sub(BEHIND % re.escape(mark), shortened, content)
+    many = inflected(len(left), "remark behind numbers is", "remarks behind numbers are")
+    return content, [f"{many} left out: {left[0][:40]!r}"] if left else []
 
 
 def _first_row(columns: Kinds, dialect: Dialect, head: list[str]) -> int:
     """Return the place of the first whole row, or of one with blanks before another row.
 
-    Nothing may stand left of it, unless rows begin in the first line, as scopes write settings.
+    Nothing but a title may stand left of it, unless rows begin in the first line, as scopes write
+    settings.
     """
     blank = len(head)
     for number, line in enumerate(head):
         cells = dialect.cells(line)
-        if columns.fit(cells) and (number == 0 or not any(cells[: columns.empty])):
+        left = any(cell and not VALUES.fullmatch(cell) for cell in cells[: columns.empty])
+        if columns.fit(cells) and (number == 0 or not left):
             pairs = zip(cells, columns.kinds, strict=False)
             if all(cell for cell, each in pairs if each in ("number", "stamp")):
                 return min(blank, number)
@@ -292,8 +316,12 @@ def _lists_settings(above: list[str], dialect: Dialect, columns: Kinds, *, apart
 
     They are ``apart`` if an empty line follows them.
     """
-    pairs = columns.count > 2 and [len(dialect.cells(line)) for line in above[-3:]] == [2, 2, 2]
-    return (pairs and apart) or bool(KEYS.search("\n".join(above)))
+    last = [dialect.cells(line) for line in above[-3:]]
+    pairs = apart and columns.count > 1 and [*map(len, last)] == [2, 2, 2]
+    if pairs and columns.count == 2:
+        title, value = last[-1]
+        pairs = kind(value) == "number" and not TIMES & {*split_words(title)}
+    return pairs or bool(KEYS.search("\n".join(above)))
 
 
 def _check_decimal(columns: Kinds) -> None:

@@ -29,14 +29,14 @@ SECONDS = rf"(?:µs|{'|'.join(UNITS)})\b"
 IN_HERTZ = rf"(?=\W*\d[\d.,]* *(?:{HERTZ}))"
 KNOWN = rf"{HERTZ}|{SECONDS}(?![-^⁻])"  # s^-1
 OF = rf"(?:was|of) (?=[\d.,'’ ]+(?:{KNOWN}|$))"  # a rate of 500 Hz, and not of 3 axes
-AMOUNT = rf"[\"']?[ \t:=,;@]+(?:is |- |{OF})?[\"']?\+?{VALUE}[\"']?[ \t,;(]*"
+AMOUNT = rf"[ \t:=,;@\"']+(?:is |- |{OF})?[\"']?\+?{VALUE}[ \t,;(\"']*"
 OF_UNIT = (
     r"(?:(?:[ ]*[(\[]|(?:[ _/]| in )?(?=k?hz\b))(?P<before>\w+/?\w*)[)\]]?)?"
     rf"{AMOUNT}(?P<unit>{KNOWN})?"
 )
 RATE = re.compile(
     rf"(?:\bf_?s(?:amp\w*)?|\bodr|(?:\b|_)s(?:rate|freq|r(?= ?[(\[_]k?hz)|r(?= ?[:=])|r{IN_HERTZ})"
-    rf"|(?<!max[ .])(?<!imum )\b{SAMPLING}(?:\. ?|[ _-])?(?:rate|freq\w*\.?)"
+    rf"|(?<!max[ .])(?<!imum )\b{SAMPLING}(?:\. ?|[ _-])?(?:rate|freq\w*\.?)(?: per channel)?"
     r"|\b(?:abtast|mess)(?:rate|frequenz)|\bsamples[ _]?(?:per |/)s\w*"
     r"|fr[eé][cq]u\w*\W+\w+\W+(?:échantillonnage|muestreo|campionamento|amostragem)"
     r"|采样(?:率|频率)|サンプリング(?:レート|周波数)|частота дискретизации"
@@ -55,7 +55,7 @@ PERIOD = re.compile(
     r"|\btime between samples|\babtast(?:intervall|zeit|periode)|\bperiod(?=_)"
     r"|^\W*in(?:crement|terval)"
     r"|\bts(?= *(?:[=(\[]|: *[\d.]+ *[mun]?s\b))|(?= \d[\d.,]* *[mun]?s\w*/(?:sample|point|pt))"
-    r"|\b(?:[hxt]_?|x-axis |time ?|waveform )(?:inc\w*|delta|interval|step|resolution))"
+    r"|\b(?:[hxt][_ ]?|x-axis |time ?|waveform )(?:inc\w*|delta|interval|step|resolution))"
     rf"(?:(?:[ ]*[(\[]|_(?=[mun]?s\b))(?P<before>[µμ\w]+)[)\]]?)?{AMOUNT}"
     rf"(?P<unit>{SECONDS})?",
     re.IGNORECASE,

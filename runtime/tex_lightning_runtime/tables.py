@@ -137,7 +137,8 @@ def _parse(pandas: ModuleType, content: bytes, layout: Layout) -> "pd.DataFrame"
         if found := FIELDS.search(str(error)):
             number = int(found[2]) + layout.first_line - 1
             raise TableError(
-                f"has {found[3]} columns in line {number} and {found[1]} before; correct that line"
+                f"has {found[3]} columns in line {number} and {found[1]} before; correct that "
+                "line, or divide the file there if a recording begins anew"
             ) from error
         raise
     except pandas.errors.EmptyDataError as error:
@@ -170,8 +171,9 @@ def _columns(frame: "pd.DataFrame", layout: Layout) -> list[Column]:
     columns = []
     for number in (n for n in range(count) if not empty[n]):
         name = str(number + 1) if names is None else names[number]
+        setting = number > 0 and _are_titled(frame[number], frame[number - 1])
         for title, cells in _divided(name, frame[number]).items():
-            values, unit, fault = _numbers(cells)
+            values, unit, fault = (cells.astype(object), "", "") if setting else _numbers(cells)
             unit = layout.units[number] if number < len(layout.units) else unit
             columns.append(Column(title, unit, values, names is not None, number == 0, fault))
     return columns
@@ -186,6 +188,13 @@ def _divided(name: str, cells: "pd.Series[Any]") -> dict[str, "pd.Series[Any]"]:
         return {name: cells}
     parts = text.str.strip("()[] ").str.split(r"[,;\s]+", expand=True, regex=True)
     return {f"{name}_{number + 1}": parts[number] for number in parts}
+
+
+def _are_titled(cells: "pd.Series[Any]", titles: "pd.Series[Any]") -> bool:
+    """Return whether some numbers have a title left of them each, and there are no others."""
+    known = cells.notna()
+    some = cells.dtype.kind in "iuf" and titles.dtype.kind not in "iuf" and not known.all()
+    return bool(some and known.equals(titles.notna()))
 
 
 def _begins_with_date(frame: "pd.DataFrame") -> bool:
