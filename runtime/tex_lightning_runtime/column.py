@@ -144,12 +144,13 @@ class Column:
         units, alone = {*self.units}, words - ({*UNITS} - {*self.words[:1]}) == {"t"}
         last = {unit for unit in self.words[1:][-1:] if unit in UNITS}
         first = (self.first or rising(values)) and "/" not in self.name
+        glued = any(word.endswith(GLUED) for word in ("".join(self.words), *words))
         steps = np.diff(values)
         rises = ((steps >= 0).all() and steps.any()) or (steps > 0).sum() > USUAL * len(steps)
         return bool(rises) and (
             (first and not {*UNITS}.isdisjoint(units or {u for u in last if len(u) > 1}))
             or (words == {"min"} and rising(values))
-            or any(word.endswith(GLUED) for word in ("".join(self.words), *words))
+            or (glued and not words & FLAGS)
             or (units <= {*UNITS} if alone else bool(words) and words - last <= OF_TIME)
         )
 

@@ -420,7 +420,8 @@ READ = {
               names="t,x,y,z,crc8,rssi_dbm\n"), RATE
     ),
     "states of a device": (
-        table(["7"] * 9 + ["8"] * (COUNT - 9), *XYZ, names="robot_state,x,y,z\n"), None
+        table(["7"] * 9 + ["8"] * (COUNT - 9), *XYZ, ["1"] * 9 + ["2"] * (COUNT - 9),
+              names="robot_state,x,y,z,runtime_state\n"), None
     ),
     "a counter of a byte that misses some": (
         table(column(np.array([*range(100), *range(103, COUNT + 3)]) % 128, "{}"), *XYZ,
