@@ -100,23 +100,19 @@ class FeatureStatistics(nn.Module):
         """
         rows, labels = features.cpu(), labels.cpu()
         counts, size = labels.bincount(minlength=classes), rows.shape[1]
-        blocks = [*zip(*(torch.split(x, BLOCK) for x in (rows, labels)), strict=True)]
-        means = torch.zeros(classes, size, dtype=torch.float64)
-        for block, kinds in blocks:
-            means.index_add_(0, kinds, block.double())
-        centre, means = means.sum(dim=0) / len(rows), means / counts[:, None]
+        sums = torch.zeros(classes, size, dtype=torch.float64)
+        for block, kinds in zip(*(torch.split(x, BLOCK) for x in (rows, labels)), strict=True):
+            sums.index_add_(0, kinds, block.double())
+        centre, means = sums.sum(dim=0) / len(rows), sums / counts[:, None]
         freedom, around = len(rows) - classes, means
         if freedom < 1:
             freedom, around = max(1, classes - 1), centre.expand_as(means)
-        squares = torch.zeros(2, size, dtype=torch.float64)
-        for block, kinds in blocks:
-            for total, origin in zip(squares, (centre, around[kinds]), strict=True):
-                total += (block - origin).square().sum(dim=0)
-        scales = _scales(squares[0] / len(rows), squares[1], centre, freedom)
+        whole = _squares(rows, labels, centre.expand_as(means)) / len(rows)
+        scales = _scales(whole, _squares(rows, labels, around), centre, freedom)
         step = math.ceil(len(rows) / MAX_ROWS)
-        some, freedom = (rows[::step] - around[labels[::step]]) / scales, math.ceil(freedom / step)
+        some = (rows[::step] - around[labels[::step]]) / scales
         spread, directions, total, squared = _principal(some)
-        variances, rest = _shrunk(spread, total, squared, freedom, size)
+        variances, rest = _shrunk(spread, total, squared, math.ceil(freedom / step), size)
         state = {"means": means, "counts": counts, "scales": scales}
         state |= {"directions": directions[: len(variances)], "variances": variances, "rest": rest}
         return cls.from_state(state)
@@ -271,6 +267,20 @@ class TrainingRows(nn.Module):
         old, new = self.state_dict(), more.state_dict()
         new["groups"] += first
         return self.from_state({name: torch.cat([old[name], new[name]]) for name in old})
+
+
+def _squares(rows: Tensor, labels: Tensor, around: Tensor) -> Tensor:
+    """Return squared deviations (D,) of rows (recordings, D), added up.
+
+    Args:
+        rows: The rows.
+        labels: (recordings,) class indices.
+        around: What rows of each class deviate from (classes, D), float64.
+    """
+    total = torch.zeros(rows.shape[1], dtype=torch.float64)
+    for block, kinds in zip(*(torch.split(x, BLOCK) for x in (rows, labels)), strict=True):
+        total += (block - around[kinds]).square().sum(dim=0)
+    return total
 
 
 def _scales(whole: Tensor, squares: Tensor, centre: Tensor, freedom: int) -> Tensor:

@@ -135,12 +135,7 @@ def fit_planes(fragments: Sequence[Tensor], labels: Tensor, classes: int) -> Fit
     members = nn.functional.one_hot(labels, classes).double()
     number = members.sum(dim=0)
     means = members.T @ rows / number.clamp_min(1)[:, None]
-    apart = rows - means[labels]
-    pooled = apart.T @ apart / max(1, len(rows) - classes)
-    own = torch.stack(
-        [apart[labels == label].T @ apart[labels == label] for label in range(classes)]
-    )
-    scatter = (own + POOLED * pooled) / (number + POOLED)[:, None, None]
+    scatter = _class_scatter(rows - means[labels], labels, number)
     variances, vectors = torch.linalg.eigh(scatter)
     taken = min(DIRECTIONS, len(projection) - 1)
     rest, far = variances.tensor_split([len(projection) - taken], dim=1)
@@ -149,6 +144,20 @@ def fit_planes(fragments: Sequence[Tensor], labels: Tensor, classes: int) -> Fit
     directions = vectors[:, :, len(projection) - taken :].transpose(1, 2)
     narrow = 1 / far - 1 / usual[:, None]
     return Fitted(projection, centre[:, None], means, directions, narrow, 1 / usual, offset)
+
+
+def _class_scatter(apart: Tensor, labels: Tensor, number: Tensor) -> Tensor:
+    """Return the covariance (classes, d, d) of each class, mixed with that of all together.
+
+    Args:
+        apart: Rows (rows, d) less the mean of their class.
+        labels: (rows,) class indices.
+        number: Rows of each class (classes,).
+    """
+    pooled = apart.T @ apart / max(1, len(apart) - len(number))
+    members = [apart[labels == label] for label in range(len(number))]
+    own = torch.stack([rows.T @ rows for rows in members])
+    return (own + POOLED * pooled) / (number + POOLED)[:, None, None]
 
 
 def _projection(fragments: Sequence[Tensor], rows: Tensor) -> Tensor:

@@ -32,13 +32,7 @@ def make_sense(name: str, node: Mapping[str, Any], classes: int) -> Sense:
     where = f"model.{name}"
     if hasattr(nn.ModuleDict, name):
         raise UserError(f"No sense can be called {name}, as a method of PyTorch is; rename it.")
-    cls = trusted_class(where, node)
-    if not issubclass(cls, Sense):
-        raise UserError(
-            f"{where} names {node[TARGET]}, which is no sense; take "
-            "tex_lightning.senses.signal.SignalSense or "
-            "tex_lightning.senses.photo.PhotoSense, or derive from one of them."
-        )
+    cls = _sense_class(where, node)
     rest = {key: value for key, value in node.items() if key not in BUILT}
     nodes = {key: it for key, it in rest.items() if isinstance(it, Mapping) and TARGET in it}
     values = make_value(where, {key: value for key, value in rest.items() if key not in nodes})
@@ -47,14 +41,30 @@ def make_sense(name: str, node: Mapping[str, Any], classes: int) -> Sense:
     offered = {**decode, "classes": classes, **values}
     for key, value in nodes.items():
         offered[key] = make(f"{where}.{key}", value, **offered)
-    parts: dict[str, Any] = {}
-    for kind in ("features", "network"):
-        parts[kind] = make(f"{where}.{kind}", node[kind], **offered)
-        _check_module(f"{where}.{kind}", parts[kind])
-        shape = {name: getattr(parts[kind], name, None) for name in ("bands", "blocks", "bins")}
-        offered |= {name: value for name, value in shape.items() if value is not None}
-    check_network(f"{where}.network", node["network"][TARGET], parts["network"])
-    return cls(name, modality, cls.make_decoder(decode), **parts)
+    features = make(f"{where}.features", node["features"], **offered)
+    _check_module(f"{where}.features", features)
+    of_features = {key: getattr(features, key, None) for key in ("bands", "blocks", "bins")}
+    offered |= {key: value for key, value in of_features.items() if value is not None}
+    network = make(f"{where}.network", node["network"], **offered)
+    _check_module(f"{where}.network", network)
+    check_network(f"{where}.network", node["network"][TARGET], network)
+    return cls(name, modality, cls.make_decoder(decode), features, network)
+
+
+def _sense_class(where: str, node: Mapping[str, Any]) -> type[Sense]:
+    """Return the class that the settings of a sense name.
+
+    Raises:
+        UserError: If it is no sense, or not trusted.
+    """
+    cls = trusted_class(where, node)
+    if not issubclass(cls, Sense):
+        raise UserError(
+            f"{where} names {node[TARGET]}, which is no sense; take "
+            "tex_lightning.senses.signal.SignalSense or "
+            "tex_lightning.senses.photo.PhotoSense, or derive from one of them."
+        )
+    return cls
 
 
 def _check_module(where: str, part: object) -> None:
