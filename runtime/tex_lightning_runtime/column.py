@@ -70,7 +70,7 @@ SLOW = {  # beside a signal
 SENSORS = {"sensor", "channel", "node", "device", "imu", "axis", "source", "address"}
 IDS = {"id", "ids", "uid", "uuid", "guid", "msgid"}
 NO_UNITS = re.compile(
-    r"[-+\d:]*|utc|gmt|unix|epoch|txt|local|n|hh.*|yyyy.*|mm.*|dd.*|iso.*|since.*"
+    r"[-+\d:]*|[a-z]{3,}\d+|utc|gmt|unix|epoch|txt|local|n|hh.*|yyyy.*|mm.*|dd.*|iso.*|since.*"
 )
 SEEN = 100  # cells
 LONGEST = 400  # letters of a name, in which units stand

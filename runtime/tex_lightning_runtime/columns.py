@@ -218,7 +218,7 @@ def _unlike(axes: list[Column], *, timed: bool) -> list[str]:
     words = [{*axis.words, *axis.units, "".join(axis.words[-2:])} for axis in axes]
     counts = all(axis.is_whole for axis in axes)
     slow = [
-        bool(SLOW & each)
+        bool(SLOW & each and axis.words != ("hz",))  # of a magnetic field
         or axis.by_one
         or (axis.is_code and not counts)
         or _ramps(np.asarray(axis.values), timed=timed)

@@ -77,7 +77,7 @@ def _is_part(line: str, dialect: Dialect) -> bool:
 def _are_names(cells: Sequence[str], columns: Kinds) -> bool:
     """Return whether cells are as many as columns, some of them text and none a measurement."""
     kinds = [*map(kind, cells)]
-    plain = [UNNUMBERED.sub("", cell.casefold()) for cell in cells]
+    plain = [UNNUMBERED.sub("", cell.casefold()) for cell in cells[: columns.count]]
     titles = [FRACTION.sub("", each) for each in plain if FRACTION.search(each)]
     numbered = len(titles) > 1 and {*titles} == {titles[0] or None}  # ch 1.1, ch 1.2
     return (
@@ -124,7 +124,7 @@ def _read_other(
     elif sum(numbers) > 0.5 * len(cells) or (any(numbers) and len(cells) == columns.count):
         notes.append(f"an incomplete line of numbers is left out: {line.strip()[:40]!r}")
     elif len(cells) > 1 and not any(numbers):
-        raise mismatch(len(cells), columns.count)
+        raise mismatch(len(cells), columns.count, line)
     return None
 
 
@@ -255,12 +255,13 @@ def without_footer(content: bytes, dialect: Dialect, columns: Kinds) -> tuple[by
     return content + b"\n", [told + line for line in left]
 
 
-def mismatch(names: int, columns: int) -> TableError:
-    """Return the error for a line of more or fewer names than columns, or with fractions."""
+def mismatch(names: int, columns: int, line: str = "") -> TableError:
+    """Return the error for a ``line`` of more or fewer names than columns, or with fractions."""
     if names == columns:
         said = "has a line above the numbers that may be names or settings: write names without"
         return TableError(f"{said} fractions, and put # before lines that are no names")
+    read = f" ({line.strip()[:40]!r} is read as names)" if line else ""
     return TableError(
         f"has {names} names and {columns} columns; give every column a name, and put # before "
-        "lines that are no names"
+        f"lines that are no names{read}"
     )

@@ -59,6 +59,7 @@ BEHIND = rb"(?m)^([^#\n]*?[\d.][\"]?)%b *(#(?!N/A|NV\b|[A-Z/0]+[!?])[^\n]*)"  # 
 BITS = re.compile(r"[01]{4,32}")
 COMMAS = re.compile(r"\s*(?:[-+]?\d+,\d+(?:e[-+]?\d+)?(?:\s+|$)){2,}", re.I)  # decimal ones
 MIXED = re.compile(r"(?=.*\t).*?\.\d+ +[-+]?\d*\.\d")  # a tab, and blanks between numbers
+RULE = "-+=|,;: \t"  # of which lines between others consist
 EMPTY = re.compile(rb"\n\n+")  # lines
 ZERO_FIRST = re.compile(r"[-+]?0\d+|[-+]0")
 
@@ -268,7 +269,7 @@ def _with_heading(
     content: bytes, dialect: Dialect, columns: Kinds, head: list[str], start: int, names: list[str]
 ) -> tuple[bytes, Layout]:
     """Read what stands above and below the numbers, and how these are written."""
-    above = [line for line in head[:start] if line.strip("-+=|,;: \t")]  # and no line between
+    above = [line for line in head[:start] if line.strip(RULE)]  # and no line between
     notes: list[str] = []
     above = with_statements(above, dialect, columns.count)
     decimal, thousands = decimal_mark(
@@ -277,7 +278,7 @@ def _with_heading(
     )
     heading, rate = [names], None
     if not names:
-        listed = _lists_settings(above, dialect, columns, apart=not head[start - 1].strip())
+        listed = _lists_settings(above, dialect, columns, apart=not head[start - 1].strip(RULE))
         heading, rate = read_heading(above, dialect, columns, notes, listed=listed)
     left = head[start : start + SAMPLE] if columns.empty else []  # of the numbers
     below_titles = (f"{a} {b}" for a, b in pairwise(above) if a.rstrip().endswith(":"))

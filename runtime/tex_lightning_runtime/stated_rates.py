@@ -26,10 +26,10 @@ HERTZ = (
     r"|(?:samples ?)?(?:/|per )min"
 )
 SECONDS = rf"(?:µs|{'|'.join(UNITS)})\b"
-IN_HERTZ = rf"(?=\W*\d[\d.,]* *(?:{HERTZ}))"
+IN_HERTZ = rf"(?=\W*(?:set to\W+)?\d[\d.,]* *(?:{HERTZ}))"
 KNOWN = rf"{HERTZ}|{SECONDS}(?![-^⁻])"  # s^-1
 OF = rf"(?:was|of) (?=[\d.,'’ ]+(?:{KNOWN}|$))"  # a rate of 500 Hz, and not of 3 axes
-AMOUNT = rf"[ \t:=,;@\"']+(?:is |- |{OF})?[\"']?\+?{VALUE}[ \t,;(\"']*"
+AMOUNT = rf"[ \t:=,;@\"']+(?:is |- |set to:? |{OF})?[\"']?\+?{VALUE}[ \t,;(\"']*"
 OF_UNIT = (
     r"(?:(?:[ ]*[(\[]|(?:[ _/]| in )?(?=k?hz\b))(?P<before>\w+/?\w*)[)\]]?)?"
     rf"{AMOUNT}(?P<unit>{KNOWN})?"

@@ -76,14 +76,16 @@ def _check_agreement(seconds: Mapping[Column, Array], time: Column) -> None:
 
 
 def _unevenness(times: Array) -> tuple[float, bool]:
-    """Return how many times repeat, infinite if any is earlier, and whether steps usually differ.
+    """Return how many times repeat, infinite if any is earlier or all are, and if steps differ.
 
     A sensor's own stamps are even; those of arrival are not.
     """
     steps = np.diff(times)
-    repeated = float((steps == 0).sum()) if (steps >= 0).all() else math.inf
+    still = len(steps) > 0 and not steps.any()
+    repeated = float((steps == 0).sum()) if (steps >= 0).all() and not still else math.inf
     step = float(np.median(steps)) if len(steps) else 0.0
-    return repeated, bool((np.abs(steps - step) > EVEN * step).sum() > 0.5 * len(steps))
+    uneven = (np.abs(steps - step) > EVEN * step).sum() > 0.5 * len(steps)
+    return repeated, bool(uneven or still)
 
 
 def _fractions(columns: list[Column]) -> dict[Column, Array]:
@@ -94,7 +96,8 @@ def _fractions(columns: list[Column]) -> dict[Column, Array]:
     groups: dict[tuple[str, ...], dict[float, Column]] = defaultdict(dict)
     for column in columns:
         unit = "".join(column.words[-1:])
-        if column.named and not column.is_text and len(unit) > 1 and unit in UNITS:
+        long = len(unit) > 1 or (unit == "s" and len(column.words) > 1)
+        if column.named and not column.is_text and long and unit in UNITS:
             groups[column.words[:-1]][UNITS[unit]] = column
     found: dict[Column, Array] = {}
     for parts in groups.values():

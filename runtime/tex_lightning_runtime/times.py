@@ -163,14 +163,15 @@ def are_moments(values: Array) -> bool:
 
 
 def _begun_anew(values: Array) -> Array:
-    """Return whole numbers of a clock of 16 or 32 bits without the places where it is full."""
-    falls = np.diff(values, prepend=values[:1]) < 0
-    for turn in (1 << 16, 1 << 32) if 0 < falls.mean() < SELDOM and values.min() >= 0 else ():
-        whole: Array = values + turn * np.cumsum(falls)
-        steps = np.diff(whole)
-        if (steps >= 0).all() and (steps[falls[1:]] < GAP * np.median(steps)).all():
-            return whole
-    return values
+    """Return whole numbers of a clock of 16 to 32 bits without the places where it is full."""
+    steps = np.diff(values, prepend=values[:1])
+    falls, turn = steps < 0, 2.0 ** np.ceil(np.log2(max(-steps.min(initial=0), 1)))
+    if not (0 < falls.mean() < SELDOM and 1 << 16 <= turn <= 1 << 32):
+        return values
+    whole: Array = values + int(turn) * np.cumsum(falls)
+    steps = np.diff(whole)
+    full = (steps >= 0).all() and (steps[falls[1:]] < GAP * np.median(steps)).all()
+    return whole if full else values
 
 
 def ask_unit(name: str, fault: str) -> TableError:
@@ -196,7 +197,7 @@ def even_samples(times: Array, samples: Array) -> Even:
             "has times that do not rise at all, too coarse for the rate; delete that column and "
             "give data.file_rate"
         )
-    if not len(steps) or times[-1] <= times[0] or not (steps >= 0).all():
+    if not len(steps) or not (steps >= 0).all():
         raise TableError(
             f"has times that do not rise at sample {int(np.argmin([*(steps >= 0), False])) + 1}; "
             "divide it there if a recording begins anew, correct them, or delete that column and "
@@ -206,8 +207,7 @@ def even_samples(times: Array, samples: Array) -> Even:
         return _repeated(times, samples)
     if rate := _rounded_rate(times, steps):
         return Even(samples, rate)
-    gaps = steps > GAP * np.median(steps)
-    step = float(steps[~gaps].mean())
+    step = float(steps[~_gaps(steps)].mean())
     count = round(float(times[-1] - times[0]) / step) + 1
     largest, notes = float(steps.max()), tuple[str, ...]()
     if count > MAX_FILLED * len(times):
@@ -224,6 +224,15 @@ def even_samples(times: Array, samples: Array) -> Even:
         grid = times[0] + np.arange(count) * step
         samples = np.stack([np.interp(grid, times, axis) for axis in samples])
     return Even(samples, 1 / step, "", notes)
+
+
+def _gaps(steps: Array) -> Array:
+    """Return which steps (samples,) are gaps: if all are multiples of one, more than this one."""
+    usual = np.median(steps)
+    multiples = np.round(steps / usual)
+    lost = np.mean(multiples > 1) < SELDOM
+    even = (np.abs(steps - multiples * usual) < EVEN * usual).all()
+    return np.asarray(multiples > 1 if even and lost else steps > GAP * usual)
 
 
 def _rounded_rate(times: Array, steps: Array) -> float | None:
@@ -262,4 +271,9 @@ def _repeated(times: Array, samples: Array) -> Even:
             f"has times that repeat at sample {int(np.argmin(rises)) + 1} and leave gaps "
             "elsewhere; correct them, or delete that column and give data.file_rate"
         )
-    return Even(samples, 1 / step, f", which repeat within {rises.max():.3g} s")
+    gap, batches = float(rises.max()), rises[rises > 0]
+    told = (
+        f"gaps in its times, the largest of {gap:.3g} s after sample {rises.argmax()}, are closed"
+    )
+    notes = (told,) if gap > GAP * np.quantile(batches, 1 - SELDOM) else ()
+    return Even(samples, 1 / step, f", which repeat within {gap:.3g} s", notes)

@@ -171,6 +171,7 @@ READ = {
             "2000 Hz", "# a b c @2000Hz", "Created on 1/3/2026 at 2000 Hz by A", "0.5 msec/sample",
             '"RDT Sample Rate:","2000"', '"Sample interval","0.5","ms"', "X increment,0.0005",
             "Sampling rate per channel (Hz): 2000",
+            "Data rate set to: 2000 Hz",
         )
     },
     **{
@@ -538,6 +539,16 @@ READ = {
     "separators at the ends below a remark of as many words": (
         "# By A B\n" + table(*XYZ, end=",\n", names="x,y,z,\n"), None
     ),
+    "a source in the place of a unit": (
+        table(times(), *XYZ, mark="\t", names="sep=\t\ntime (source1)\tx\ty\tz\n"), RATE
+    ),
+    "results beside the names": (
+        table(times(), *XYZ, end=",,,\n", names="Time (s),x,y,z,,Mean,0.1\n"), RATE
+    ),
+    "a list of settings above lines of blanks and separators": (
+        "Device,A7\nMeasurement Frequency,2000.0 Hz\nRange,-8 to 8\nUnits,lux\nMore,\n , \n , \n"
+        + table(*XYZ), RATE
+    ),
     "a list of settings above an empty line": (
         "Device,A7\nUnits,g\nMeasurement Frequency,2000 Hz\nRange,-8 to 8\nUnits,lux\n\n"
         + table(*XYZ), RATE
@@ -631,6 +642,13 @@ READ = {
         table(column((np.array(NUMBERS) * 500 + 65_000) % 65_536, "{}"), *XYZ,
               names="micros,x,y,z\n"), RATE
     ),
+    **{
+        f"a clock of {bits} bits from {begin}": (
+            table(column((np.array(NUMBERS) * 500 - 700) % 2**bits + begin, "{}"), *XYZ,
+                  names="micros,x,y,z\n"), RATE
+        )
+        for bits, begin in ((16, -(2**15)), (24, 0), (30, 0), (32, -(2**31)))
+    },
     "since 1970 without a name": (table(*XYZ, at(1e6)), RATE),
     "since 1970 of any name": (table(at(1e9), *XYZ, names="stamp_host,x,y,z\n"), RATE),
     "begin and rate above the numbers": (
@@ -641,6 +659,11 @@ READ = {
         table(column((np.array(NUMBERS) + 1900) // 2000 + 1_772_359_200, "{}"),
               column((np.array(NUMBERS) + 1900) % 2000 * 500_000, "{}"), *XYZ,
               names="StampSec,StampNanoSec,x,y,z\n"), RATE
+    ),
+    "seconds and microseconds of one name": (
+        table(column((np.array(NUMBERS) + 1900) // 2000 + 9, "{}"),
+              column((np.array(NUMBERS) + 1900) % 2000 * 500, "{}"), *XYZ,
+              names="stamp_s,stamp_us,x,y,z\n"), RATE
     ),
     "seconds and nanoseconds without names": (
         table(column((np.array(NUMBERS) + 1900) // 2000 + 1_772_359_200, "{}"),
@@ -926,10 +949,12 @@ def test_numbers_above_a_table_are_left_out_with_a_note(tmp_path):
     assert read_table(write(tmp_path, text))[2].notes == ("the numbers above 'data:' are left out",)
 
 
-def test_a_sample_that_is_missing_is_no_rounding(tmp_path):
+def test_a_sample_that_is_missing_is_interpolated_and_no_other(tmp_path):
     cells = [[*each[:99], *each[100:]] for each in (times(), *XYZ)]
-    samples, _, _ = read_table(write(tmp_path, table(*cells, names="time,x,y,z\n")))
-    assert np.abs(samples - np.delete(AXES, 99, axis=1)).max() > 0.1  # interpolated
+    samples, rate, _ = read_table(write(tmp_path, table(*cells, names="time,x,y,z\n")))
+    np.testing.assert_allclose(np.delete(samples - AXES, 99, axis=1), 0, atol=1e-9)
+    np.testing.assert_allclose(samples[:, 99], AXES[:, [98, 100]].mean(axis=1))
+    assert rate == pytest.approx(RATE)
 
 
 def test_settings_above_are_no_incomplete_lines(tmp_path):
@@ -1129,6 +1154,10 @@ REFUSED = {
     "units of some cells": (
         table(times(), [f"{float(x):.3f}" if n % 2 else f"{float(x) * 1e3:.1f}m"
                         for n, x in enumerate(X)], names="t,x\n"), "no number; correct it"
+    ),
+    "times that begin anew beside one that stays": (
+        table(times()[:99] + times()[:141], ["2026-03-01T10:00:00Z"] * COUNT, X,
+              names="time,start,x\n"), "do not rise at sample 99; divide it"
     ),
     "times that begin anew": (
         table(times()[:99] + times()[:141], *XYZ, names="t,x,y,z\n"),
@@ -1339,6 +1368,11 @@ TOLD = {
         table(column(np.array(NUMBERS) % 128, "{}"), *XYZ),
         "unlike a signal: column 1; data.channels=[1,2,3] leaves them out",
     ),
+    "batches that are missing": (
+        table(column(np.array(NUMBERS) // 10 * 5 + 10 * (np.array(NUMBERS) > 99), "{}"), *XYZ,
+              names="time_ms,x,y,z\n"),
+        "gaps in its times, the largest of 0.015 s after sample 99, are closed",
+    ),
     "uneven times": (
         table(column(np.cumsum(RNG.exponential(0.003, COUNT)), "{:.9f}"), X, names="time (s),x\n"),
         "uneven steps of its times, ",
@@ -1450,6 +1484,8 @@ def test_hostile_lines_are_searched_in_time_that_grows_with_their_length(tmp_pat
 
 def test_an_array_of_sensors_of_which_few_are_touched_is_no_state(tmp_path):
     path = write(tmp_path, table(times(), X, Y, ["0"] * COUNT, names="t,T1,T2,T3\n"))
+    assert read_table(path)[2].notes == ()
+    path = write(tmp_path, table(times(), *XYZ, names="t,hx,hy,hz\n"))  # and no rate
     assert read_table(path)[2].notes == ()
 
 
