@@ -15,7 +15,7 @@ from tex_lightning.classifier.vote import RULES
 from tex_lightning.config import DecisionConfig
 from tex_lightning.errors import UserError
 from tex_lightning.inference.early_stopping import decide
-from tex_lightning.inference.engine import Costs
+from tex_lightning.inference.engine import empty_classifier, input_macs
 from tex_lightning.inference.prediction import make_prediction
 from tex_lightning_runtime.quality import Quality
 
@@ -79,16 +79,16 @@ def spent(function) -> int:
 @pytest.mark.parametrize("level", ["fc2", "fc3"])
 def test_costs_known_in_advance_are_those_of_the_pass(level):
     model = classifier("three", level)
-    costs = Costs.of_card(model.card)
+    empty = empty_classifier(model.card)
     inputs = given("three", 0)
     sizes = {"visual": (800, 1000)}
     for name in ("haptic", "sound"):
         sizes[name] = 50, model.senses[name].features.count_frames(inputs[name])
-    total = sum(costs.of(name, *size) for name, size in sizes.items())
+    total = sum(input_macs(empty, name, *size) for name, size in sizes.items())
     assert total == spent(lambda: model.logits(**inputs))
     for name, size in sizes.items():  # where the other senses are absent
         alone, modality = model.with_senses([name]), model.senses[name].modality
-        found = costs.with_senses([name]).of(name, *size)
+        found = input_macs(empty.with_senses([name]), name, *size)
         assert found == spent(lambda alone=alone, it=modality: alone.logits(**{it: inputs[it]}))
 
 

@@ -75,7 +75,8 @@ def test_a_photo_is_the_same_in_every_form(fusion, tmp_path):
 @pytest.mark.parametrize("decision", ["max_vote", "sequential"])
 def test_what_decides_by_some_senses_is_chosen_and_not_built(untrained, monkeypatch, decision):
     loaded = tl.load(untrained, f"decision={decision}")
-    parts, trained = loaded.deciders.classifiers, loaded.classifier.senses
+    trained = loaded.classifier.senses
+    parts = {names: getattr(part, "full", part) for names, part in loaded.deciders.items()}
     for name, sense in parts["haptic", "visual"].senses.items():
         alone = parts[name,].senses[name]
         assert alone.features is sense.features

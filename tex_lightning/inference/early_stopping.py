@@ -14,17 +14,17 @@ A single photo, and a trace that is decided by its mean score, are always classi
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import combinations
+from functools import lru_cache, partial
 from typing import Any
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from tex_lightning.classifier.classifier import SenseOutput, SurfaceClassifier, join_novelties
 from tex_lightning.classifier.vote import RULES, Decider, Vote
 from tex_lightning.config import DecisionConfig, EngineConfig
 from tex_lightning.errors import UserError
-from tex_lightning.inference.engine import Costs, accelerate, count_macs
+from tex_lightning.inference.engine import accelerate, count_macs, empty_classifier, input_macs
 from tex_lightning.senses.base import Sense
 from tex_lightning.senses.features.movement import movement_start
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
@@ -43,12 +43,11 @@ def make_inference_model(
 
 
 def decide(
-    full: SurfaceClassifier, decision: DecisionConfig, costs: Costs | None = None
-) -> Decider:
+    full: SurfaceClassifier, decision: DecisionConfig
+) -> "SurfaceClassifier | SequentialDecision":
     """Return the decider that uses a classifier: itself, or a sequential decision by it.
 
-    The classifier is in evaluation mode, accelerated or not. A sequential decision uses its costs;
-    None counts them.
+    The classifier is in evaluation mode, accelerated or not.
 
     Raises:
         UserError: If a baseline is to decide sequentially.
@@ -60,35 +59,7 @@ def decide(
             f"decision=sequential needs a network, and {full.card.title} looks at the whole "
             "recording at once; use decision=max_vote."
         )
-    return SequentialDecision(full, decision, costs or Costs.of_card(full.card))
-
-
-class Deciders:
-    """Deciders for samples that have all senses of a classifier, and for those that have some.
-
-    All share the networks of one accelerated copy; the given classifier is not changed.
-
-    Attributes:
-        classifiers: The accelerated classifier of every subset of the senses.
-        by_senses: The decider (:func:`decide`) of every subset of the senses.
-    """
-
-    def __init__(
-        self, classifier: SurfaceClassifier, engine: EngineConfig, decision: DecisionConfig
-    ) -> None:
-        fast, senses = accelerate(classifier, engine), classifier.card.sense_names
-        fast.card = fast.card.deciding(decision)
-        weighted = any(map(fast.is_weighted, senses))
-        if fast.card.unknown_above is None and not weighted:  # nobody asks how novel a sample is
-            fast.statistics = nn.ModuleDict()
-        subsets = [some for count in range(len(senses)) for some in combinations(senses, count + 1)]
-        self.classifiers = {subset: fast.with_senses(subset) for subset in subsets}
-        whole = decide(fast, decision)
-        costs = whole.costs if isinstance(whole, SequentialDecision) else None
-        self.by_senses = {
-            subset: decide(part, decision, costs and costs.with_senses(subset))
-            for subset, part in self.classifiers.items()
-        }
+    return SequentialDecision(full, decision, empty_classifier(full.card))
 
 
 def is_local(sense: Sense) -> bool:
@@ -103,11 +74,15 @@ def is_local(sense: Sense) -> bool:
 class SequentialDecision:
     """A decider that stops as soon as it is confident; see the module.
 
-    ``full`` computes the scores. A ``confidence_threshold`` of 1 is never reached.
+    ``full`` computes the scores, and the arithmetic of each sense is counted with ``empty``
+    (:func:`~.engine.empty_classifier`). A ``confidence_threshold`` of 1 is never reached.
     """
 
-    def __init__(self, full: SurfaceClassifier, config: DecisionConfig, costs: Costs) -> None:
-        self.card, self.full, self.costs = full.card, full, costs
+    def __init__(
+        self, full: SurfaceClassifier, config: DecisionConfig, empty: SurfaceClassifier
+    ) -> None:
+        self.card, self.full, self.config, self.empty = full.card, full, config, empty
+        self.macs = lru_cache(partial(input_macs, empty))
         self.densities: dict[str, float] = {}  # multiply-accumulates for each number of an input
         self.threshold = config.confidence_threshold
         self.novelty_limits: dict[tuple[str, ...], float | None] = {}
@@ -116,6 +91,11 @@ class SequentialDecision:
     def device(self) -> torch.device:
         """Where it computes."""
         return self.full.device
+
+    def with_senses(self, senses: Sequence[str]) -> "SequentialDecision":
+        """Return the decider by some of the senses, which shares the networks of this one."""
+        part, empty = self.full.with_senses(senses), self.empty.with_senses(senses)
+        return SequentialDecision(part, self.config, empty)
 
     @torch.inference_mode()
     def classify(self, **recordings: Tensor) -> Vote:
@@ -135,9 +115,9 @@ class SequentialDecision:
         bands, frames = sense.input_size(trace)
         sense.check_input(bands, frames)
         start = movement_start(trace, features.sampling_rate) if features.skip_impact else 0
-        full, spent, seen = self.costs.of(sense.name, bands, frames), 0, sense.min_size[1]
+        full, spent, seen = self.macs(sense.name, bands, frames), 0, sense.min_size[1]
         while seen < frames:
-            cost = self.costs.of(sense.name, bands, seen)
+            cost = self.macs(sense.name, bands, seen)
             if spent + cost > MAX_WASTE * full:
                 break
             spent += cost
@@ -190,7 +170,7 @@ class SequentialDecision:
         """
         if sense.knows_min_size:
             sense.check(recording)
-            return self.costs.of(sense.name, *sense.input_size(recording))
+            return self.macs(sense.name, *sense.input_size(recording))
         if sense.name not in self.densities:
             macs = count_macs(lambda: self.full.partial_logits(sense.name, recording))
             self.densities[sense.name] = macs / recording.numel()

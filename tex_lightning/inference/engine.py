@@ -1,16 +1,14 @@
 """Accelerate a trained classifier for tests and predictions, and count its arithmetic.
 
 Layers are rewritten by exact algebra, so that only the rounding of float32 differs.
-:class:`Costs` counts the multiply-accumulates of a decision before it is made.
+:func:`input_macs` counts the multiply-accumulates of a decision before it is made.
 """
 
 import logging
 import math
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
-from functools import lru_cache
 from itertools import product
-from typing import Self
 
 import torch
 from torch import Tensor, nn
@@ -223,7 +221,7 @@ def sample_macs(classifier: SurfaceClassifier, **recordings: Tensor) -> int:
         _ = sense.geometry  # found by a pass over an example, which is not counted
     if classifier.card.baseline or not all(sense.is_builtin for _, sense in senses):
         return count_macs(lambda: classifier.logits(**recordings))
-    empty = Costs.of_card(classifier.card).classifier
+    empty = empty_classifier(classifier.card)
 
     def run() -> None:
         for name, sense in senses:
@@ -233,37 +231,23 @@ def sample_macs(classifier: SurfaceClassifier, **recordings: Tensor) -> int:
     return count_macs(run)
 
 
-class Costs:
-    """Multiply-accumulates of a classifier, counted on meta tensors before anything is computed.
+def empty_classifier(card: Card) -> SurfaceClassifier:
+    """Return a card's classifier on the meta device, where its arithmetic is counted."""
+    return SurfaceClassifier(card).eval().to("meta")
 
-    Convolutions and matrix products are counted; features, pooling and normalisation are not.
+
+def input_macs(empty: SurfaceClassifier, sense: str, height: int, width: int) -> int:
+    """Count the multiply-accumulates of a sense with its part of a fusion layer.
+
+    Nothing is computed. Convolutions and matrix products are counted; features, pooling and
+    normalisation are not.
 
     Args:
-        classifier: Classifier on the meta device, as it was trained and not accelerated.
-
-    Attributes:
-        of: Function of a sense's name and the height and width of its input that returns the
-            multiply-accumulates of this sense with its part of a fusion layer.
+        empty: An :func:`empty_classifier`, perhaps with some of its senses.
+        sense: Name of the sense.
+        height: Height of its input.
+        width: Width of its input.
     """
-
-    def __init__(self, classifier: SurfaceClassifier) -> None:
-        self.classifier = classifier
-        self.of = lru_cache(self._of)
-
-    @classmethod
-    def of_card(cls, card: Card) -> Self:
-        """Return the costs of a card's classifier."""
-        return cls(SurfaceClassifier(card).eval().to("meta"))
-
-    def with_senses(self, senses: Sequence[str]) -> "Costs":
-        """Return the costs of the classifier that uses some of the senses."""
-        return Costs(self.classifier.with_senses(senses))
-
-    def _of(self, sense: str, height: int, width: int) -> int:
-        classifier, part = self.classifier, self.classifier.senses[sense]
-        x = part.blank(height, width).to("meta")
-        return count_macs(
-            lambda: classifier.project(
-                sense, part.dense_grid(x, classifier.fused_layer(sense)).flatten(1)
-            )
-        )
+    part, level = empty.senses[sense], empty.fused_layer(sense)
+    x = part.blank(height, width).to("meta")
+    return count_macs(lambda: empty.project(sense, part.dense_grid(x, level).flatten(1)))

@@ -2,11 +2,12 @@
 
 import time
 from collections.abc import Collection, Iterable, Mapping, Sequence, Sized
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from torch import Tensor
+from torch import Tensor, nn
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.card import Card
@@ -21,7 +22,8 @@ from tex_lightning.core.run_folder import find_checkpoint
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.recordings import check_is_list
 from tex_lightning.errors import UserError, shorten
-from tex_lightning.inference.early_stopping import Deciders
+from tex_lightning.inference.early_stopping import SequentialDecision, decide
+from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.prediction import Prediction, check_unknown, make_prediction
 from tex_lightning.inference.stream import LiveStream
 from tex_lightning.senses.base import Sense
@@ -92,7 +94,15 @@ class Predictor:
         self.classifier = classifier.to(pick_device(config.trainer.accelerator))
         self.card: Card = classifier.card.deciding(config.decision)
         check_unknown(self.card, bool(classifier.statistics))
-        self.deciders = Deciders(self.classifier, config.engine, config.decision)
+        fast, senses = accelerate(self.classifier, config.engine), self.card.sense_names
+        fast.card = self.card
+        weighted = any(map(fast.is_weighted, senses))
+        if self.card.unknown_above is None and not weighted:  # nobody asks how novel a sample is
+            fast.statistics = nn.ModuleDict()
+        whole = decide(fast, config.decision)
+        # of every subset, before the first sample; all share the networks of the accelerated copy
+        subsets = [some for count in range(len(senses)) for some in combinations(senses, count + 1)]
+        self.deciders = {subset: whole.with_senses(subset) for subset in subsets}
 
     def predict(self, *, rate: Rate = None, colour: str = "rgb", **recordings: Input) -> Prediction:
         """Classify one sample; a FusionNet works with some of its senses.
@@ -112,7 +122,7 @@ class Predictor:
         """
         inputs = {name: value for name, value in recordings.items() if value is not None}
         self.check_senses(inputs)
-        decider = self.deciders.by_senses[self._senses(inputs)]
+        decider = self.deciders[self._senses(inputs)]
         begin = time.perf_counter()
         try:
             decoded = self.decoded(inputs, rate=rate, colour=colour)
@@ -234,10 +244,11 @@ class Predictor:
                 "A live stream takes signals as they come and photos as they are; "
                 + (f"{unfit[0]} is given as the other." if unfit else "give a signal.")
             )
-        fast = self.deciders.classifiers[self._senses(modalities)]
+        decider = self.deciders[self._senses(modalities)]
         decoded = self.decoded(fixed, colour=colour)
         rates = {name: rate.get(name) if isinstance(rate, Mapping) else rate for name in signals}
-        return LiveStream(fast, rates, decoded, self.config.stream, self.config.top_k)
+        full = decider.full if isinstance(decider, SequentialDecision) else decider
+        return LiveStream(full, rates, decoded, self.config.stream, self.config.top_k)
 
     def check_senses(self, modalities: Collection[str]) -> None:
         """Reject an empty input, or a modality that this checkpoint does not use.
