@@ -18,7 +18,7 @@ from torch.nn.functional import avg_pool2d, conv1d, conv2d, max_pool2d, pad
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.errors import UserError
-from tex_lightning.export.signals import SpectrogramGraph, promise, signal_graph
+from tex_lightning.export.signals import SpectrogramGraph, number_of, signal_graph
 from tex_lightning.inference.engine import rewritten
 from tex_lightning.networks.blocks import Level, ResponseNorm, independent_copy, shared_copy
 from tex_lightning.networks.folding import fold_batch_norm
@@ -167,23 +167,16 @@ class PhotoGraph(nn.Module):
 
     def forward(self, photo: Tensor) -> Tensor:
         """Map a photo (height, width, 3) uint8 to network input (1, 3, height, width)."""
-        height, width = (_open(size, self.least) for size in photo.shape[:2])
+        # of a size as such the tracer notes in passing that there is more than one row
+        height, width = (
+            number_of(torch.scalar_tensor(size, dtype=torch.int64), self.least, size)
+            for size in photo.shape[:2]
+        )
         planes = photo[:height, :width].permute(2, 0, 1)[None]
         if self.half_scale:  # a last row or column of an odd number is left out
             planes = (avg_pool2d(planes.float(), 2) + 0.5).to(torch.uint8)
         features: Tensor = self.features(planes)
         return features
-
-
-def _open(size: int, least: int) -> Any:  # noqa: ANN401
-    """Return a size as a value of which the tracer assumes nothing.
-
-    Of a size as such it notes in passing that there is more than one row, as in its example.
-    """
-    opened: Any = torch.scalar_tensor(size, dtype=torch.int64).item()
-    promise(opened >= least)
-    promise(opened <= size)
-    return opened
 
 
 DRAWS = "draws"

@@ -67,12 +67,18 @@ def promise(condition: Any) -> None:  # noqa: ANN401
     torch._check(condition)  # type: ignore[no-untyped-call]
 
 
+def number_of(value: Tensor, least: int, most: Any = None) -> Any:  # noqa: ANN401
+    """Return the integer of a tensor (); the tracer assumes no more of it than these bounds."""
+    number: Any = value.item()
+    promise(number >= least)
+    if most is not None:
+        promise(number <= most)
+    return number
+
+
 def movement(trace: Tensor, start: Tensor, least: int) -> Tensor:
     """Return the samples (axes, samples) from ``start`` on; at least ``least`` are promised."""
-    begin: Any = start.item()
-    promise(begin >= 0)
-    promise(begin <= trace.shape[-1] - least)
-    return trace[:, begin:]
+    return trace[:, number_of(start, 0, trace.shape[-1] - least) :]
 
 
 def without_rests(trace: Tensor, sampling_rate: float, least: int) -> Tensor:
@@ -85,10 +91,8 @@ def without_rests(trace: Tensor, sampling_rate: float, least: int) -> Tensor:
 def before_last_rest(trace: Tensor, sampling_rate: float, least: int) -> Tensor:
     """Return a signal (axes, samples) without a rest or a knock at its end likewise."""
     moving = ~left_out(trace, sampling_rate)
-    end: Any = (moving * torch.arange(1, trace.shape[-1] + 1)).amax(dim=0).item()
-    promise(end >= least)
-    promise(end <= trace.shape[-1])
-    return trace[:, :end]
+    last = (moving * torch.arange(1, trace.shape[-1] + 1)).amax(dim=0)
+    return trace[:, : number_of(last, least, trace.shape[-1])]
 
 
 class BandPower(nn.Module):
@@ -251,9 +255,7 @@ class ProportionsGraph(nn.Module):
         seconds = torch.scalar_tensor(samples, dtype=torch.float64) / features.sampling_rate
         count = (seconds / features.fragment_seconds).round().long().clamp(min=1)
         fewest_frames = torch.scalar_tensor(fewest, dtype=torch.int64)
-        fragments: Any = torch.minimum(count, fewest_frames).item()
-        promise(fragments >= 1)
-        return fragments
+        return number_of(torch.minimum(count, fewest_frames), 1)
 
 
 def signal_graph(features: nn.Module) -> nn.Module:
