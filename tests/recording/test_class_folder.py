@@ -16,7 +16,8 @@ from tex_lightning.data.manifest import read_manifest
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.errors import UserError
 from tex_lightning.recording import class_folder
-from tex_lightning.recording.class_folder import ClassFolder, open_camera
+from tex_lightning.recording.class_folder import ClassFolder
+from tex_lightning.recording.sources import open_camera
 
 SIGNAL = np.stack([make_trace(0, n) for n in range(3)])
 SOUND = make_trace(1, 0)[None]

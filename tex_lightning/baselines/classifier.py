@@ -141,20 +141,16 @@ class FittedBaseline(nn.Module):
             self.baseline.load_state(state)
 
     def features(self, x: Tensor, level: Level) -> Tensor:
-        """Return scores (1, classes, fragments) of an input of one recording."""
-        return self.scores(as_baseline_takes_it(x))[None]
-
-    def scores(self, recording: "Array") -> Tensor:
-        """Return class scores (classes, fragments) of a recording as the baseline takes it.
+        """Return scores (1, classes, fragments) of an input of one recording.
 
         Raises:
-            UserError: If it does not give such.
+            UserError: If the baseline gives none.
         """
         with calling(*self.contract_part):
-            scores: object = self.baseline.logits(recording)
+            scores: object = self.baseline.logits(as_baseline_takes_it(x))
         if not isinstance(scores, Tensor) or scores.dim() != 2 or not scores.is_floating_point():
             raise breach(*self.contract_part, f"returned {describe_value(scores)} for a recording")
-        return scores
+        return scores[None]
 
 
 def as_baseline_takes_it(x: Tensor) -> "Array":

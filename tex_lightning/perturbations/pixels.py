@@ -33,19 +33,6 @@ class Scene:
 Function = Callable[[Array, float, Scene], Array]
 
 
-def power(trace: Array) -> float:
-    """Return the mean square of a trace (axes, samples) about the mean of each axis."""
-    return float(np.var(trace, axis=1, dtype=np.float64).mean())
-
-
-def scaled(disturbance: Array, trace: Array, snr: float) -> Array:
-    """Scale a disturbance to ``snr`` dB below the power of a trace; silence stays as it is."""
-    strength = power(disturbance)
-    factor = np.sqrt(power(trace) / strength / 10 ** (snr / 10)) if strength > 0 else 0.0
-    result: Array = disturbance * factor
-    return result
-
-
 def gaussian_noise(photo: Array, deviation: float, scene: Scene) -> Array:
     """Add independent noise to every value; its deviation is a share of full scale."""
     noise: Array = scene.rng.standard_normal(photo.shape, dtype=np.float32)

@@ -9,7 +9,20 @@ from fractions import Fraction
 import numpy as np
 import scipy  # whose parts are loaded when they are used
 
-from tex_lightning.perturbations.pixels import Array, Function, Scene, power, scaled
+from tex_lightning.perturbations.pixels import Array, Function, Scene
+
+
+def power(trace: Array) -> float:
+    """Return the mean square of a trace (axes, samples) about the mean of each axis."""
+    return float(np.var(trace, axis=1, dtype=np.float64).mean())
+
+
+def scaled(disturbance: Array, trace: Array, snr: float) -> Array:
+    """Scale a disturbance to ``snr`` dB below the power of a trace; silence stays as it is."""
+    strength = power(disturbance)
+    factor = np.sqrt(power(trace) / strength / 10 ** (snr / 10)) if strength > 0 else 0.0
+    result: Array = disturbance * factor
+    return result
 
 
 def white_noise(trace: Array, snr: float, scene: Scene) -> Array:

@@ -1,15 +1,11 @@
 """Write recordings and photos into the folder of a class, with its manifest."""
 
 import re
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import cv2
-import numpy as np
-import numpy.typing as npt
 import soundfile
 
 from tex_lightning.core.files import write_atomically
@@ -18,54 +14,10 @@ from tex_lightning.data.manifest import KNOWN, read_manifest, write_manifest
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.errors import UserError
-from tex_lightning.recording.sources import Chunk
-
-Pixels = npt.NDArray[np.uint8]  # (height, width, 3), colours as OpenCV has them: BGR
-FIRST = 5  # pictures that are passed over: exposure settles, and older ones wait in the driver
-QUALITY = 95  # of JPEG, 0 to 100
-REMEDY = (
-    "check the path, or that the camera is plugged in and no other program has it; camera:1 is "
-    "another one"
-)
-
-
-@contextmanager
-def open_camera(source: str) -> Iterator[Callable[[], Pixels]]:
-    """Open a camera, and yield a function that takes a photo (height, width, 3) of what it sees.
-
-    Args:
-        source: ``camera:NUMBER``, or the path or address of a photo, a video or numbered photos
-            (``p_%02d.png``), which are gone through one by one.
-
-    Raises:
-        UserError: If it cannot be opened, or gives no picture.
-    """
-    kind, _, number = source.partition(":")
-    live = kind == "camera"
-    if live and not number.isdecimal():
-        raise UserError(f"image={source} names no camera; write camera:0, camera:1 and so on.")
-    logging: Any = getattr(cv2.utils, "logging", cv2)  # where OpenCV 5 has it, and where 4 has
-    before = logging.setLogLevel(0)
-    capture = cv2.VideoCapture(int(number) if live else source)
-    logging.setLogLevel(before)
-    if not capture.isOpened():
-        raise UserError(f"image={source} cannot be opened; {REMEDY}.")
-
-    def photo() -> Pixels:
-        for _ in range(FIRST if live else 0):
-            capture.grab()
-        there, picture = capture.read()
-        if not there:
-            raise UserError(f"image={source} gives no picture (any more); {REMEDY}.")
-        return np.asarray(picture, np.uint8)
-
-    try:
-        yield photo
-    finally:
-        capture.release()
-
+from tex_lightning.recording.sources import Chunk, Pixels
 
 MANIFEST = "manifest.csv"
+QUALITY = 95  # of JPEG, 0 to 100
 PATIENCE = 60.0  # seconds that another process may take to write a recording
 
 

@@ -19,8 +19,8 @@ from tex_lightning.core.console import console, print_line, say
 from tex_lightning.core.progress import track
 from tex_lightning.data.recordings import singular
 from tex_lightning.errors import UserError
-from tex_lightning.recording.class_folder import ClassFolder, Pixels
-from tex_lightning.recording.sources import Chunk, Source, open_source
+from tex_lightning.recording.class_folder import ClassFolder
+from tex_lightning.recording.sources import Chunk, Pixels, Source, open_source
 from tex_lightning_runtime.quality import photo_quality, trace_quality
 
 HELD = 100  # pieces that wait for the recorder; then a pipe's writer waits, too

@@ -1,4 +1,4 @@
-"""Sources of samples: pipes, files and, with the extra ``live``, serial ports and sound cards.
+"""Sources of recordings: pipes, files, cameras and, with ``live``, serial ports and sound cards.
 
 Bytes of a sensor are parsed strictly: what cannot be meant raises an error that names its place.
 """
@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -25,6 +26,7 @@ from tex_lightning_runtime.samples import check_samples
 from tex_lightning_runtime.traces import TRACE_SUFFIXES
 
 Chunk = npt.NDArray[np.float32]  # (axes, samples)
+Pixels = npt.NDArray[np.uint8]  # (height, width, 3), colours as OpenCV has them: BGR
 SAMPLE = np.dtype("<f4")
 LONGEST_LINE = 1000  # bytes; what goes on without a line's end is no text
 NUMBERS = set(b"0123456789+-.,;eE# \t\r\n")
@@ -251,3 +253,46 @@ def _library(module: str, name: str) -> Any:  # noqa: ANN401
             f"{name} needs {module}, which is not installed ({reason(error)}); run: pip install "
             "'tex_lightning[live]' (a sound card also needs PortAudio: apt install libportaudio2)"
         ) from error
+
+
+FIRST = 5  # pictures that are passed over: exposure settles, and older ones wait in the driver
+REMEDY = (
+    "check the path, or that the camera is plugged in and no other program has it; camera:1 is "
+    "another one"
+)
+
+
+@contextmanager
+def open_camera(source: str) -> Iterator[Callable[[], Pixels]]:
+    """Open a camera, and yield a function that takes a photo (height, width, 3) of what it sees.
+
+    Args:
+        source: ``camera:NUMBER``, or the path or address of a photo, a video or numbered photos
+            (``p_%02d.png``), which are gone through one by one.
+
+    Raises:
+        UserError: If it cannot be opened, or gives no picture.
+    """
+    kind, _, number = source.partition(":")
+    live = kind == "camera"
+    if live and not number.isdecimal():
+        raise UserError(f"image={source} names no camera; write camera:0, camera:1 and so on.")
+    logging: Any = getattr(cv2.utils, "logging", cv2)  # where OpenCV 5 has it, and where 4 has
+    before = logging.setLogLevel(0)
+    capture = cv2.VideoCapture(int(number) if live else source)
+    logging.setLogLevel(before)
+    if not capture.isOpened():
+        raise UserError(f"image={source} cannot be opened; {REMEDY}.")
+
+    def photo() -> Pixels:
+        for _ in range(FIRST if live else 0):
+            capture.grab()
+        there, picture = capture.read()
+        if not there:
+            raise UserError(f"image={source} gives no picture (any more); {REMEDY}.")
+        return np.asarray(picture, np.uint8)
+
+    try:
+        yield photo
+    finally:
+        capture.release()

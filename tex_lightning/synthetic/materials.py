@@ -28,6 +28,7 @@ _KIND_OF_SLOT = (0, 0, 1, 1, 2, 3)
 _LOOK_ALIKE, _FEEL_ALIKE = 1, 3  # slots holding the second of a pair
 _BOARDS = 3  # each pair has its own; the two that feel alike lie on opposite ones
 _FOIL = _BOARDS - 1  # board of the pair that sounds alike
+_STIFFNESS = 1.2e4, 1.0e6  # N/m, of the softest and the stiffest body
 
 
 @dataclass(frozen=True)
@@ -186,7 +187,7 @@ def _make_body(kind: int, seed: int, *, opposite: bool) -> Body:
         kind, (2, 3, 5, 7, 11, 13, 17), seed, 1, opposite=opposite
     )
     return Body(
-        stiffness=_between(1.2e4, 1.0e6, stiffness),
+        stiffness=_between(*_STIFFNESS, stiffness),
         damping=_between(0.1, 0.4, damping),
         friction=_between(0.15, 0.8, friction),
         stick=_between(0.02, 0.5, stick),
@@ -227,7 +228,8 @@ def _make_voice(board: int, seed: int, *, opposite: bool) -> Voice:
 
 
 def _stiffness_word(body: Body) -> str:
-    position = np.log(body.stiffness / 1.2e4) / np.log(1.0e6 / 1.2e4)
+    softest, stiffest = _STIFFNESS
+    position = np.log(body.stiffness / softest) / np.log(stiffest / softest)
     return ("soft", "firm", "stiff")[min(int(3 * position), 2)]
 
 
