@@ -22,7 +22,7 @@ from tex_lightning.data.store import Store
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.learning.module import SurfaceModule
 from tex_lightning.networks.linear import LinearNet
-from tex_lightning.networks.temperature import fit_temperature
+from tex_lightning.networks.temperature import sharpness_of
 from tex_lightning.networks.trunks.efficientnet_lite import TextureFeatures
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning_runtime.samples import content_seed
@@ -108,8 +108,8 @@ def _sharpness(
         out = parts == part
         weights, biases = fit(rows[~out], targets[~out])
         scores[out] = rows[out] @ weights.T + biases
-    left_out = list(torch.from_numpy(scores[tested])[:, :, None])
-    return 1 / fit_temperature(left_out, targets[tested].tolist())
+    left_out, labels, numbers = map(torch.from_numpy, (scores, targets, parts))
+    return sharpness_of(left_out, labels, numbers, about=1.0)
 
 
 def _regression(rows: Floats, targets: Labels, strength: float) -> tuple[Floats, Floats]:
