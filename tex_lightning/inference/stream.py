@@ -20,6 +20,7 @@ from tex_lightning.config import StreamConfig
 from tex_lightning.core.devices import synchronise
 from tex_lightning.data.decode import Array
 from tex_lightning.errors import UserError
+from tex_lightning.inference.early_stopping import is_local
 from tex_lightning.inference.prediction import Prediction, make_prediction
 from tex_lightning.inference.running_proportions import RunningProportionsVote
 from tex_lightning.inference.running_spectrogram import RunningSpectrogramVote
@@ -309,7 +310,6 @@ def running_vote(classifier: SurfaceClassifier) -> RunningVote | None:
     features, network = sense.features, sense.network
     if type(features) is BandProportions and type(network) is LinearNet:
         return RunningProportionsVote(classifier)
-    by_frame = type(features) is SpectrogramFeatures and features.axes == "frame"
-    if by_frame and features.normalisation == "standard" and sense.geometry is not None:
+    if type(features) is SpectrogramFeatures and is_local(sense):
         return RunningSpectrogramVote(classifier)
     return None

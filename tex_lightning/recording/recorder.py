@@ -20,11 +20,10 @@ from tex_lightning.core.progress import track
 from tex_lightning.data.recordings import singular
 from tex_lightning.errors import UserError
 from tex_lightning.recording.class_folder import ClassFolder
-from tex_lightning.recording.sources import Chunk, Pixels, Source, open_source
+from tex_lightning.recording.sources import WAIT, Chunk, Pixels, Source, open_source
 from tex_lightning_runtime.quality import photo_quality, trace_quality
 
 HELD = 100  # pieces that wait for the recorder; then a pipe's writer waits, too
-WAIT = 0.2  # seconds after which a thread looks whether it should stop
 TOLERANCE = 0.1  # of a rate, as a share
 STEP = 0.1  # seconds that are taken of each signal in turn
 

@@ -107,7 +107,7 @@ class Parser:
 
 
 PIECE = 65_536  # most bytes read at once
-WAIT = 0.2  # seconds after which a reader of a serial port looks whether it should stop
+WAIT = 0.2  # seconds after which a reader looks whether it should stop
 Pieces = Generator[Chunk | None, None, None]
 Read = Callable[[], bytes | None]  # b"" at the end, None where nothing came for a while
 
