@@ -112,6 +112,7 @@ def test_two_axes_of_three_stay_one_recording(tmp_path):
         ("a/imu_1.csv", "a/pro_1.csv", "{label}/*imu*.csv"),
         ("a/1_ch1.csv", "a/1_ch2.csv", "{label}/*ch1*.csv"),
         ("a/1_imu.csv", "a/1_audio.wav", "{label}/*audio*.wav"),
+        ("a/1_ACC.txt", "a/1_ECG.txt", "{label}/*ACC*.txt"),
     ],
 )
 def test_files_of_two_sensors_are_no_two_recordings(tmp_path, one, other, pattern):

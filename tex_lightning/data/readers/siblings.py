@@ -14,7 +14,7 @@ from tex_lightning_runtime.tables import SUFFIXES
 SENSOR = re.compile(
     r"(?<![a-z])(?:acc|accel[a-z]*|gyro[a-z]*|mag|magnet[a-z]*|gravity|orientation|force|torque|pressure"
     r"|temp|temperature|audio|sound|mic|microphone|haptic|tactile|vibration|rgb|depth|mask|imu|pro|ft"
-    r"|gyr|gps|baro|emg)(?![a-z])",
+    r"|gyr|gps|baro|emg|ecg|eeg|ppg|bvp|eda|hr)(?![a-z])",
     re.IGNORECASE,
 )  # in the names of files beside each other
 NUMBERED = re.compile(r"(?<![a-z])(?:ch|chan|channel|axis|sensor|mic|taxel)\d+", re.IGNORECASE)
