@@ -172,7 +172,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             UserError: If the recordings or the settings cannot be used; a ``ValueError``, too.
         """
         classes, labels = labels_of(y)
-        with self._working() as folder:
+        with self._scratch_folder() as folder:
             overrides = self._overrides(folder)
             composed = compose_config(overrides)
             config = checked_config(composed)
@@ -192,8 +192,8 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
 
     def predict(self, X: Any) -> Array:  # noqa: ANN401
         """Return a label for each recording; ``unknown`` as text with ``decision.unknown``."""
-        with self._using(X) as samples:
-            labels = [str(found.label) for found in each(samples, self._predicted)]
+        with self._to_classify(X) as samples:
+            labels = [str(prediction.label) for prediction in each(samples, self._predicted)]
         known = by_name(self.classes_)
         dtype = self.classes_.dtype if {*labels} <= known.keys() else object
         return np.array([known.get(label, label) for label in labels], dtype=dtype)
@@ -212,15 +212,15 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
 
     def predict_proba(self, X: Any) -> Floats:  # noqa: ANN401
         """Return mean probabilities (samples, classes) over all fragments, which sum to 1."""
-        with self._using(X) as samples:
-            found = [found.probabilities for found in each(samples, self._predicted)]
+        with self._to_classify(X) as samples:
+            rows = [prediction.probabilities for prediction in each(samples, self._predicted)]
         names = [*by_name(self.classes_)]
-        return np.array([[row[name] for name in names] for row in found], dtype=np.float64)
+        return np.array([[row[name] for name in names] for row in rows], dtype=np.float64)
 
     @torch.inference_mode()
     def transform(self, X: Any) -> Array:  # noqa: ANN401
         """Return embeddings (samples, D): mean features before the class scores, sense by sense."""
-        with self._using(X) as samples:
+        with self._to_classify(X) as samples:
             return np.stack([*each(samples, self._embedding)])
 
     def _embedding(self, sample: Sample) -> Array:
@@ -251,7 +251,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             alone gives at each position of a photo; of a signal there is one row, in order of time,
             without rests where the model leaves them out.
         """
-        with self._using(X) as samples:
+        with self._to_classify(X) as samples:
             return [*each(samples, self._explained)]
 
     def _explained(self, sample: Sample) -> dict[str, Array]:
@@ -280,7 +280,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
                 f"The classes are {self.classes_.dtype}, and y is {classes.dtype}; give labels of "
                 "the same type."
             )
-        with self._working() as folder:
+        with self._scratch_folder() as folder:
             samples = self._samples(X, before.card.modalities)
             check_consistent_length(samples, labels)
             manifest = write_samples(samples, labels, None, folder)
@@ -302,7 +302,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             UserError: If the model is not fitted in closed form, or keeps no features of its
                 training recordings.
         """
-        with self._using(X) as samples:
+        with self._to_classify(X) as samples:
             before = self.predictor_
             features = sample_features(before.classifier, each(samples, self._decoded))
             self.adaptation_ = adapt(before.classifier, features, before.card.unknown_above)
@@ -329,7 +329,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
                 would train by these.
         """
         estimator = cls(**params)
-        with estimator._working():
+        with estimator._scratch_folder():
             keys = [as_key_value(name, value) for name, value in estimator._keys.items()]
             estimator.predictor_ = load(path, *keys, trusted=trusted)
             estimator.classes_ = np.unique(estimator.predictor_.classes)  # metrics take them sorted
@@ -342,7 +342,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             The files.
         """
         check_is_fitted(self)
-        with self._working() as scratch:
+        with self._scratch_folder() as scratch:
             checkpoint = self.save(scratch / "model.ckpt")
             given = {"checkpoint": checkpoint, "export.format": format}
             overrides = [as_key_value(name, value) for name, value in given.items()]
@@ -353,7 +353,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         return [out / name for name in written["files"]]
 
     @contextmanager
-    def _working(self) -> Iterator[Path]:
+    def _scratch_folder(self) -> Iterator[Path]:
         """Yield a temporary folder, with messages as far as ``verbose`` allows.
 
         Raises:
@@ -381,11 +381,11 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
                 raise InvalidInput(*_relative(mistake.args, folder)) from error
 
     @contextmanager
-    def _using(self, X: Any) -> Iterator[list[Sample]]:  # noqa: ANN401
+    def _to_classify(self, X: Any) -> Iterator[list[Sample]]:  # noqa: ANN401
         """Give the samples of recordings to classify."""
         check_is_fitted(self)
         modalities = self.predictor_.card.modalities
-        with self._working():
+        with self._scratch_folder():
             if hasattr(self, "feature_names_in_") and is_table(X, modalities):
                 _check_feature_names(self, X, reset=False)
             yield self._samples(X, modalities)

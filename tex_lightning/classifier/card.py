@@ -243,14 +243,7 @@ def _check(card: Card) -> None:
     Raises:
         ValueError: Naming the value.
     """
-    if not isinstance(card.senses, dict) or not card.senses:
-        raise ValueError("it has no senses")
-    for name, sense in card.senses.items():
-        if not isinstance(sense["modality"], str) or not isinstance(sense["decode"], dict):
-            raise ValueError(f"its senses.{name} has no modality or decoder")
-        for part in (sense, sense["features"], sense["network"]):
-            if TARGET not in part or not isinstance(part, dict):
-                raise ValueError(f"its senses.{name} names no class")
+    _check_senses(card.senses)
     required = card.rule, card.decision["pairs"], card.decision["seed"]
     if None in required or (card.kind == FUSION and "level" not in card.fusion):
         raise ValueError("its decision is not complete")
@@ -260,9 +253,21 @@ def _check(card: Card) -> None:
         raise ValueError("its calibration.novelties are not those of its senses")
     if card.trained_on and not isinstance(card.trained_on.get("seen"), list):
         raise ValueError("its trained_on.seen is no list")
-    names = [name for name in card.classes if not isinstance(name, str)]
-    if names or not isinstance(card.classes, list) or len(set(card.classes)) != len(card.classes):
+    others = [name for name in card.classes if not isinstance(name, str)]
+    if others or not isinstance(card.classes, list) or len(set(card.classes)) != len(card.classes):
         raise ValueError("its classes are not a list of different names")
+
+
+def _check_senses(senses: Mapping[str, Any]) -> None:
+    """Check that there are senses, each with modality, decoder and classes."""
+    if not isinstance(senses, dict) or not senses:
+        raise ValueError("it has no senses")
+    for name, sense in senses.items():
+        if not isinstance(sense["modality"], str) or not isinstance(sense["decode"], dict):
+            raise ValueError(f"its senses.{name} has no modality or decoder")
+        for part in (sense, sense["features"], sense["network"]):
+            if TARGET not in part or not isinstance(part, dict):
+                raise ValueError(f"its senses.{name} names no class")
 
 
 def _check_values(where: str, value: object) -> None:

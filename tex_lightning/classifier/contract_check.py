@@ -66,12 +66,7 @@ def check_parts(
     if hasattr(network, "fit"):
         with calling(*scored):
             fit_closed_form(network, bank, labels, [row.group_key for row in rows])
-    if any(weight.requires_grad for weight in sense.features.parameters()):
-        log.warning(
-            "%s (%s) has parameters, and training does not change those of features; put layers "
-            "that learn into model.%s.network.", features[0], type(sense.features).__name__,
-            sense.name,
-        )  # fmt: skip
+    _warn_of_parameters(sense)
     batch: Any = TrainingBatches({sense.name: (bank, labels)}, BATCH, 0)[0]
     classifier.train()
     inputs = sense.training_input(batch[sense.name], piece, change)
@@ -130,6 +125,16 @@ def _check_normalised(sense: Sense, recording: Tensor) -> None:
             f"gives {given} by forward(signal) and {trained} by normalise(magnitudes(signal))"
             "[None, None], which a training takes in its place",
         )
+
+
+def _warn_of_parameters(sense: Sense) -> None:
+    """Warn that no training changes parameters of features."""
+    if any(weight.requires_grad for weight in sense.features.parameters()):
+        log.warning(
+            "model.%s.features (%s) has parameters, and training does not change those of "
+            "features; put layers that learn into model.%s.network.",
+            sense.name, type(sense.features).__name__, sense.name,
+        )  # fmt: skip
 
 
 def _largest(recordings: Recordings, store: Store, count: int) -> list[Recording]:
