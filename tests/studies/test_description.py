@@ -5,12 +5,14 @@ import re
 
 from tex_lightning.report.data_page import data_tables
 
+TRACES = "30 files; 2.4 s each, 72 in all; 10 of a class; 30 groups; 1 axis; 10,000 Hz"
+
 
 def test_the_opening_says_rate_axes_and_what_is_trained_and_tested(cli, tiny, tmp_path):
     fit = ["model=mfcc_nb", *tiny, "logger=csv"]
     said = cli(*fit, f"hydra.run.dir={tmp_path}/a").err
     lines = dict(re.findall(r"^(\w+) +(\S.*)$", said, re.MULTILINE))
-    assert lines["Traces"] == "30; 2.4 s; 1 axis; 10 of a class"
+    assert lines["Traces"] == TRACES
     assert lines["Reads"] == "10,000 Hz by the header of the file"
     assert lines["Parts"] == "traces: 24 trained on, 3 validate, 3 tested"
     said = cli("task=crossval", *fit, "crossval.only=[0,1]", f"hydra.run.dir={tmp_path}/b").err
@@ -39,8 +41,9 @@ def test_the_report_of_a_training_has_what_its_data_are(fused):
     page = (fused / "report.html").read_text()
     first, by_class, *_ = data_tables(fused)
     facts = {row[""]: row["data"] for row in first.rows}
-    assert facts["traces"].startswith("30 files; 2.4 s each, 72 in all; 10 of a class; 30 groups; ")
-    assert facts["traces by part"] == "24 trained on, 3 validate, 3 tested"
+    assert facts["Traces"] == TRACES
+    parts = "24 trained on, 3 validate, 3 tested"
+    assert facts["Parts"] == f"traces: {parts}; photos: {parts}"
     assert [row["class"] for row in by_class.rows] == ["alpha", "beta", "gamma"]
     for text in (*facts.values(), "examples: haptic", "examples: image"):
         assert text in page

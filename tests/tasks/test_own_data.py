@@ -72,7 +72,10 @@ def test_mixed_rates_are_told_apart_and_said_first(cli, mixed, tmp_path):
     outcome = cli("model=haptic", "data.val_fold=1", *options(mixed, tmp_path))
     assert outcome.status == 0, outcome.err
     assert entry(outcome.err, "Classes") == "3: alpha, beta, gamma"
-    assert entry(outcome.err, "Traces") == "12; 2.4 to 8 s; 1 axis; 4 of a class"
+    assert entry(outcome.err, "Traces") == (
+        "12 files; 2.4 to 8 s each, 51.2 in all; 4 of a class; 12 groups; 1 axis; "
+        "2,500 to 10,000 Hz (4 only assumed)"
+    )
     assert (
         entry(outcome.err, "Folds") == "4, of which fold 0 is tested, and fold 1 chooses the epoch"
     )
@@ -124,7 +127,7 @@ def test_every_task_can_go_on_without_bad_files(cli, bad, tmp_path):
     fitted = cli("model=haptic", skip, *options(bad, tmp_path))
     assert fitted.status == 0, fitted.err
     assert "Going on without 2 files:" in fitted.err
-    assert entry(fitted.err, "Traces").endswith("3 to 4 of a class")
+    assert "; 3 to 4 of a class; " in entry(fitted.err, "Traces")
     assert_skipped(results(tmp_path)["skipped"], bad, NAMES[0], NAMES[2])
     tested = (tmp_path / "run" / "predictions" / "haptic.csv").read_text()
     assert "alpha/Haptic/0.npy" in tested  # group 0 is still fold 0 ...

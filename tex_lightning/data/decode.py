@@ -75,7 +75,6 @@ class SignalDecoder:
 
     suffixes: ClassVar[tuple[str, ...]] = TRACE_SUFFIXES
     unit: ClassVar[str] = "s"
-    precision: ClassVar[str] = ".3g"
 
     def __post_init__(self) -> None:
         if self.channels is not None and not _are_channels(self.channels):
@@ -158,7 +157,6 @@ class PhotoDecoder:
 
     suffixes: ClassVar[tuple[str, ...]] = IMAGE_SUFFIXES
     unit: ClassVar[str] = "megapixels"
-    precision: ClassVar[str] = ".2g"
 
     def decode(self, path: Path, rate: float | None = None) -> Decoded:
         """Read a photo as RGB, upright, halved or resized if so configured.

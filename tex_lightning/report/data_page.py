@@ -20,9 +20,8 @@ def data_tables(directory: Path) -> list[Table]:
     told = read_or_empty(directory / FILE)
     if not told:
         return []
-    facts = [{"": heading, "data": text} for heading, text in facts_of(told).items()]
     tables = [
-        Table("The data", facts),
+        Table("The data", [{"": heading, "data": text} for heading, text in data_facts(told)]),
         Table("Suspected", _suspected(told.get("findings", ()))),
         Table("Recordings by class", _by_class(told)),
         Table("Left out", [dict(entry) for entry in told["skipped"]][:MAX_LISTED]),
@@ -31,34 +30,49 @@ def data_tables(directory: Path) -> list[Table]:
     return [table for table in tables if table.rows]
 
 
-def facts_of(told: Mapping[str, Any]) -> dict[str, str]:
-    """Return the facts of a description as text, by heading."""
-    facts = {"name": told["name"], "from": told["from"]}
-    facts["classes"] = f"{len(told['classes'])}: {', '.join(told['classes'])}"
+def data_facts(told: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return what a description says for people, each time a heading and a text.
+
+    A heading may come again: files of one modality can be read in several ways.
+    """
+    facts = [
+        ("Data", f"{told['name']} {told['from']}".rstrip()),
+        ("Classes", f"{len(told['classes'])}: {', '.join(told['classes'])}"),
+    ]
     for entry in told["recordings"].values():
-        facts[entry["called"]] = _sizes(entry)
-        facts[f"{entry['called']} read as"] = "; ".join(entry.get("read", ()))
-        parts = [f"{_range(*count)} {PARTS[name]}" for name, count in entry["parts"].items()]
-        facts[f"{entry['called']} by part"] = ", ".join(parts)
-    facts["folds"] = told["folds"]
+        facts.append((entry["called"].capitalize(), _sizes(entry)))
+        facts += [("Reads", text) for text in entry.get("read", ())]
+    if told["folds"]:
+        facts += [("Folds", told["folds"]), ("Parts", _parts(told))]
     if told["skipped"]:
-        facts["left out"] = f"{len(told['skipped'])} files that cannot be used"
-    return {heading: text for heading, text in facts.items() if text}
+        facts.append(("Left out", f"{len(told['skipped'])} files that cannot be used"))
+    return facts
 
 
 def _sizes(entry: Mapping[str, Any]) -> str:
+    """Say how many recordings there are: size, how many of a class, groups, axes and rates."""
     unit, few = entry["unit"], entry["of_class"].values()
+    files, groups = entry["files"], entry["groups"]
     said = [
-        f"{entry['files']} files",
+        f"{files} file{'s' * (files != 1)}",
         f"{_range(entry['shortest'], entry['longest'])} {unit} each, {entry['total']:,.4g} in all",
         f"{_range(min(few), max(few))} of a class",
-        f"{entry['groups']} groups",
+        f"{groups} group{'s' * (groups != 1)}",
     ]
     if "axes" in entry:
         assumed = f" ({entry['assumed']} only assumed)" if entry["assumed"] else ""
         said.append(f"{_range(*entry['axes'])} {'axis' if entry['axes'][1] == 1 else 'axes'}")
         said.append(f"{_range(*entry['rates'])} Hz{assumed}")
     return "; ".join(said)
+
+
+def _parts(told: Mapping[str, Any]) -> str:
+    """Say how many recordings of each modality are trained on, chosen and tested on."""
+    said = []
+    for entry in told["recordings"].values():
+        counts = [f"{_range(*count)} {PARTS[name]}" for name, count in entry["parts"].items()]
+        said.append(f"{entry['called']}: {', '.join(counts)}")
+    return ("each time " if told.get("trainings", 1) > 1 else "") + "; ".join(said)
 
 
 def _range(low: float, high: float) -> str:

@@ -9,7 +9,7 @@ from tex_lightning.core.files import read_record
 from tex_lightning.evaluation.confusion import own_pairs
 from tex_lightning.evaluation.outcomes import read_networks
 from tex_lightning.report.artifacts import Picture, Sound, Words, jpeg
-from tex_lightning.report.data_page import FILE, facts_of
+from tex_lightning.report.data_page import FILE, data_facts
 from tex_lightning.report.pictures import captioned
 from tex_lightning.report.samples import SampleView, sample_picture, worst
 from tex_lightning.report.table import fact_rows, markdown, typed_overrides
@@ -37,8 +37,8 @@ def text_artifacts(directory: Path, results: Mapping[str, Any]) -> Iterator[Word
     """Yield the command of a run, what its data are and its results."""
     command = shlex.join(["python", "-m", "tex_lightning", *typed_overrides(directory)])
     yield Words("1 command", f"    {printable(command)}")
-    data = facts_of(read_record(directory / FILE))
-    yield Words("2 data", _table([["data", ""], *map(list, data.items())]))
+    data = data_facts(read_record(directory / FILE))
+    yield Words("2 data", _table([["data", ""], *map(list, data)]))
     yield Words("3 results", _table(fact_rows(results)))
 
 

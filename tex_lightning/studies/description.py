@@ -3,7 +3,7 @@
 import json
 import logging
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from statistics import median
@@ -20,13 +20,14 @@ from tex_lightning.data.inspection import copies
 from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.store import Store, skipped_entry
 from tex_lightning.report.artifacts import png
-from tex_lightning.report.data_page import FILE, FOLDER, PARTS, Description
+from tex_lightning.report.data_page import FILE, FOLDER, PARTS, Description, data_facts
 from tex_lightning.report.pictures import recording_picture, row_of
 from tex_lightning.studies.dataset import Dataset
 from tex_lightning.studies.notes import MAX_NOTES, recording_notes
 from tex_lightning.text import printable_lines
 from tex_lightning_runtime.columns import Reading
 
+LONG = ("Data", "Classes")  # lines of the opening that are cut at its width
 MAX_KINDS = 5  # ways of reading that the opening lists
 MAX_EXAMPLES = 24  # classes of which an example is drawn
 SIDE, WIDTH = 112, 176  # pixels of an example, and of a signal's to the right
@@ -43,7 +44,8 @@ def describe_data(
 
     Returns:
         ``name``, ``from``, ``classes``; ``recordings`` by modality, see :func:`_describe_modality`;
-        ``folds``, a phrase; ``skipped`` and ``notes``, what was left out and what looks wrong.
+        ``folds``, a phrase; the number of ``trainings``; ``skipped`` and ``notes``, what was left
+        out and what looks wrong.
     """
     rows = dataset.recordings
     modalities = list(dict.fromkeys(row.modality for row in rows))
@@ -63,6 +65,7 @@ def describe_data(
             for modality in modalities
         },
         "folds": _folds(divisions) if divisions else "",
+        "trainings": len(divisions),
         "skipped": skipped_entry(dataset.skipped),
         "notes": [*notes, *recording_notes(dataset)],
     }
@@ -129,36 +132,17 @@ def show_opening(
         keep_in: Run folder that gets the description and an example of each class, for its report.
     """
     divisions = list(trains)
+    verb = "Trains" if divisions else "Tests"
     description = describe_data(data, dataset, divisions)
     for text in description["notes"]:
         log.warning("%s", text)
     if keep_in is not None:
         keep_description(description, dataset, keep_in)
     if Screen.verbose != QUIET:
-        _print(description, divisions, what)
+        for heading, text in [*data_facts(description), *([(verb, what)] if what else [])]:
+            line, cut = Text(f"{heading:<8} {printable_lines(text)}"), heading in LONG
+            console.print(line, no_wrap=cut, overflow="ellipsis" if cut else None)
     return description
-
-
-def _print(description: Description, divisions: Sequence[Folding], what: str) -> None:
-    """Print the description of the data, how they are divided, and what is trained or tested."""
-
-    def show(title: str, text: str, *, whole: bool = False) -> None:
-        line = Text(f"{title:<8} {printable_lines(text)}")
-        console.print(line, no_wrap=not whole, overflow=None if whole else "ellipsis")
-
-    show("Data", f"{description['name']} {description['from']}")
-    show("Classes", f"{len(description['classes'])}: {', '.join(description['classes'])}")
-    for entry in description["recordings"].values():
-        show(entry["called"].partition(" ")[0].capitalize(), _sizes(entry))
-        for text in entry.get("read", ()):
-            show("Reads", text, whole=True)
-    if divisions:
-        show("Folds", description["folds"])
-        show("Parts", _parts(description, several=len(divisions) > 1), whole=True)
-    if description["skipped"]:
-        show("Left out", f"{len(description['skipped'])} files that cannot be used")
-    if what:
-        show("Trains" if divisions else "Tests", what)
 
 
 def keep_description(description: Description, dataset: Dataset, directory: Path) -> None:
@@ -177,27 +161,6 @@ def keep_description(description: Description, dataset: Dataset, directory: Path
         write_bytes(directory / FOLDER / f"{modality}.png", png(sheet))
 
 
-def _sizes(entry: Mapping[str, Any]) -> str:
-    """Say how many recordings there are: size, axes, and how many of a class."""
-    form = SignalDecoder.precision if "axes" in entry else ".2g"
-    size = _spread([entry["shortest"], entry["longest"]], entry["unit"], form)
-    each = _spread([*entry["of_class"].values()], "of a class", "d")
-    axes = [f"{_spread(entry['axes'], 'ax', 'd')}{'is' if entry['axes'][1] == 1 else 'es'}"
-            ] if "axes" in entry else []  # fmt: skip
-    return "; ".join([str(entry["files"]), size, *axes, each])
-
-
-def _parts(description: Description, *, several: bool) -> str:
-    """Say how many recordings of each modality are trained on, chosen and tested on."""
-    lines = []
-    for entry in description["recordings"].values():
-        counts = [
-            f"{_spread(found, '', 'd')} {PARTS[name]}" for name, found in entry["parts"].items()
-        ]
-        lines.append(f"{entry['called']}: {', '.join(counts)}")
-    return ("each time " if several else "") + "; ".join(lines)
-
-
 def _folds(divisions: Sequence[Folding]) -> str:
     """Say how recordings are divided for one training, or for several in turn."""
     by, count = divisions[0], divisions[0].folds
@@ -213,12 +176,6 @@ def _folds(divisions: Sequence[Folding]) -> str:
         return f"{count}, of which fold {by.test_fold} is trained on and the others are tested"
     chosen = "" if by.val_fold is None else f", and fold {by.val_fold} chooses the epoch"
     return f"{count}, of which {tested_part(by)} is tested{chosen}"
-
-
-def _spread(values: Sequence[float], unit: str, form: str) -> str:
-    """Return the smallest and the largest value in a format, once if they read alike."""
-    low, high = format(min(values), form), format(max(values), form)
-    return f"{low if low == high else f'{low} to {high}'} {unit}".rstrip()
 
 
 def readings(signals: Recordings, store: Store) -> list[str]:
