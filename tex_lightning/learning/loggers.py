@@ -26,7 +26,7 @@ from tex_lightning.report.artifacts import (
     MAX_NAME,
     UNUSUAL,
     Artifact,
-    Picture,
+    Media,
     folder_name,
     jpeg,
     show,
@@ -147,7 +147,7 @@ def show_inputs(loggers: Sequence[Logger], module: SurfaceModule, batches: Train
         show(logger, "inputs", pictures)
 
 
-def _input_pictures(module: SurfaceModule, name: str, bank: Bank, labels: Indices) -> list[Picture]:
+def _input_pictures(module: SurfaceModule, name: str, bank: Bank, labels: Indices) -> list[Media]:
     sense, size = module.classifier.senses[name], module.pieces[name]
     _, first = np.unique(labels, return_index=True)
     chosen = np.sort(first)[np.linspace(0, len(first) - 1, min(SHOWN, len(first))).astype(int)]
@@ -163,9 +163,10 @@ def _input_pictures(module: SurfaceModule, name: str, bank: Bank, labels: Indice
     kind = "photos" if sense.medium == "photo" else kind
     captions = [module.classifier.card.classes[labels[index]] for index in chosen.tolist()]
     return [
-        Picture(
+        Media(
             f"inputs/{name} {kind}, {when} augmentation",  # which sort as they are read
             jpeg(row_of([input_pixels(x, sense.features, MAX_PIXELS) for x in inputs], captions)),
+            ".jpg",
         )
         for when, inputs in (("1 before", before), ("2 after", after))
     ]

@@ -23,50 +23,39 @@ from tex_lightning.core.files import write_bytes, write_text
 
 Pixels = npt.NDArray[np.uint8]
 ORDER = ("haptic", "visual", "sound")  # of reading; then senses of the user's, and the fusion last
-PNG = b"\x89PNG"  # with which such files begin
 UNUSUAL = re.compile(r"[^\w.,+=@ -]")  # in the name of a file
 MAX_NAME = 80  # characters of it
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A picture as the content of a file: a figure is PNG, and what has photos is JPEG."""
+class Media:
+    """A file to look at, to hear or to read.
+
+    Attributes:
+        tag: Its name for loggers.
+        content: What is in the file.
+        suffix: ``.png`` of a figure, ``.jpg`` of what has photos, ``.wav``, or ``.md``.
+    """
 
     tag: str
     content: bytes
-
-
-@dataclass(frozen=True)
-class Sound:
-    """Samples in [-1, 1] at a rate in Hz."""
-
-    tag: str
-    samples: npt.NDArray[np.float32]
-    rate: int
-
-
-@dataclass(frozen=True)
-class Words:
-    """A text in Markdown."""
-
-    tag: str
-    markdown: str
+    suffix: str
 
 
 @dataclass(frozen=True)
 class Points:
     """Embeddings of recordings of a sense, (recordings, D), with text of each by heading.
 
-    Thumbnails are (recordings, side, side, 3); None without pictures.
+    Thumbnails are (recordings, side, side, 3).
     """
 
     tag: str
     vectors: npt.NDArray[np.float32]
     columns: Mapping[str, Sequence[str]]
-    thumbnails: Pixels | None = None
+    thumbnails: Pixels
 
 
-Artifact = Picture | Sound | Words | Points
+Artifact = Media | Points
 
 
 def folder_name(network: str) -> str:
@@ -143,44 +132,42 @@ def _to_events(
         _write_projector(folder, points)
 
 
-def _summary(artifact: Picture | Sound | Words, make: Any) -> Any:  # noqa: ANN401  (no types)
+def _summary(artifact: Media, make: Any) -> Any:  # noqa: ANN401  (no types)
     from tensorboard.compat.proto.summary_pb2 import Summary
 
-    if isinstance(artifact, Words):
-        return make.text(artifact.tag, artifact.markdown)
-    if isinstance(artifact, Sound):
+    content, stream = artifact.content, io.BytesIO(artifact.content)
+    if artifact.suffix == ".md":
+        return make.text(artifact.tag, content.decode())
+    if artifact.suffix == ".wav":
+        with wave.open(stream) as sound:
+            rate, length = sound.getframerate(), sound.getnframes()
         audio = Summary.Audio(
-            sample_rate=artifact.rate, num_channels=1, length_frames=len(artifact.samples),
-            encoded_audio_string=wav(artifact.samples, artifact.rate), content_type="audio/wav",
+            sample_rate=rate, num_channels=1, length_frames=length, encoded_audio_string=content,
+            content_type="audio/wav",
         )  # fmt: skip
         return Summary(value=[Summary.Value(tag=artifact.tag, audio=audio)])
-    with Image.open(io.BytesIO(artifact.content)) as opened:
+    with Image.open(stream) as opened:
         width, height = opened.size
-    image = Summary.Image(
-        width=width, height=height, colorspace=3, encoded_image_string=artifact.content
-    )
+    image = Summary.Image(width=width, height=height, colorspace=3, encoded_image_string=content)
     return Summary(value=[Summary.Value(tag=artifact.tag, image=image)])
 
 
 def _write_projector(folder: Path, points: Sequence[Points]) -> None:
     """Write embeddings for TensorBoard's projector, in place of earlier ones."""
-    entries = []
+    from tensorboard.plugins.projector.projector_config_pb2 import ProjectorConfig
+
+    config: Any = ProjectorConfig()  # which is not typed
     for artifact in points:
-        home = folder / "projector" / artifact.tag
-        write_points(home, artifact)
-        lines = [
-            f'tensor_name: "{artifact.tag}"',
-            f'tensor_path: "projector/{artifact.tag}/tensors.tsv"',
-            f'metadata_path: "projector/{artifact.tag}/metadata.tsv"',
-        ]
-        if artifact.thumbnails is not None:
-            side = artifact.thumbnails.shape[1]
-            lines.append(
-                f'sprite {{ image_path: "projector/{artifact.tag}/sprite.png" '
-                f"single_image_dim: {side} single_image_dim: {side} }}"
-            )
-        entries.append("embeddings {\n  " + "\n  ".join(lines) + "\n}\n")
-    write_text(folder / "projector_config.pbtxt", "".join(entries))
+        home = f"projector/{artifact.tag}"
+        write_points(folder / home, artifact)
+        entry = config.embeddings.add(
+            tensor_name=artifact.tag,
+            tensor_path=f"{home}/tensors.tsv",
+            metadata_path=f"{home}/metadata.tsv",
+        )
+        entry.sprite.image_path = f"{home}/sprite.png"
+        entry.sprite.single_image_dim.extend(artifact.thumbnails.shape[1:3])
+    write_text(folder / "projector_config.pbtxt", str(config))
 
 
 def wav(samples: npt.NDArray[np.float32], rate: int) -> bytes:
@@ -213,8 +200,7 @@ def write_points(home: Path, artifact: Points) -> None:
     cells = zip(*artifact.columns.values(), strict=True)
     lines = ["\t".join(artifact.columns), *("\t".join(row) for row in cells)]
     write_text(home / "metadata.tsv", "\n".join(lines) + "\n")
-    if artifact.thumbnails is not None:
-        write_bytes(home / "sprite.png", png(sprite(artifact.thumbnails)))
+    write_bytes(home / "sprite.png", png(sprite(artifact.thumbnails)))
 
 
 def sprite(thumbnails: Pixels) -> Pixels:
@@ -234,16 +220,7 @@ def _to_artifacts(logger: MLFlowLogger, part: str, artifacts: Iterable[Artifact]
             if isinstance(artifact, Points):
                 write_points(home / "projector" / artifact.tag, artifact)
                 continue
-            content, suffix = _file(artifact)
             folder, slash, name = artifact.tag.partition("/")
-            path = f"{folder}{slash}{UNUSUAL.sub('_', name)[:MAX_NAME]}{suffix}"
-            write_bytes(home / path, content)
+            path = f"{folder}{slash}{UNUSUAL.sub('_', name)[:MAX_NAME]}{artifact.suffix}"
+            write_bytes(home / path, artifact.content)
         logger.experiment.log_artifacts(logger.run_id, temporary, part)
-
-
-def _file(artifact: Picture | Sound | Words) -> tuple[bytes, str]:
-    if isinstance(artifact, Picture):
-        return artifact.content, ".png" if artifact.content.startswith(PNG) else ".jpg"
-    if isinstance(artifact, Sound):
-        return wav(artifact.samples, artifact.rate), ".wav"
-    return artifact.markdown.encode(), ".md"

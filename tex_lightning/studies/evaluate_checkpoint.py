@@ -28,7 +28,6 @@ from tex_lightning.inference.engine import sample_macs
 from tex_lightning.inference.prediction import warn_of_few
 from tex_lightning.learning.loggers import log_test, trial_settings
 from tex_lightning.report.artifacts import Artifact, shows
-from tex_lightning.report.embeddings import projector_artifacts
 from tex_lightning.report.figures import (
     calibration_figure,
     confusion_figure,
@@ -38,6 +37,7 @@ from tex_lightning.report.figures import (
 from tex_lightning.report.gallery import (
     figure_artifacts,
     pair_artifacts,
+    projector_artifacts,
     sample_artifacts,
     text_artifacts,
 )
