@@ -29,7 +29,7 @@ from tex_lightning.networks.blocks import ResponseNorm
 from tex_lightning.perturbations.table import perturbations
 from tex_lightning.senses.features.movement import moving
 from tex_lightning.studies.fold import open_training, train_model
-from tex_lightning.studies.perturbed import PerturbedDataset, SystemFold
+from tex_lightning.studies.perturbed import Perturber, SystemFold
 
 RECORDINGS = 4  # of each class
 SENSES = {"haptic": ["haptic"], "visual": ["visual"], "fusion": ["haptic", "visual"]}
@@ -177,9 +177,7 @@ def test_in_a_test_run_nothing_crosses_over_but_for_its_labels(counted, kind, fe
         run_test(part, samples, dataset.store)
     count = len(samples) + min(len(samples), WARM_UP)
     assert counts == times(count, VOTED + read)
-    perturbed = PerturbedDataset(10_000, seed=0)
-    perturbed.add((row for sample in samples for row in sample.recordings.values()), dataset.store)
-    fold = SystemFold(tmp_path, part, samples, dict.fromkeys(part.card.modalities, perturbed))
+    fold = SystemFold(tmp_path, part, samples, dataset.store, Perturber(seed=0))
     with stand_in.noting() as counts:
         fold.labels(perturbations()["jpeg"], 3)
     assert counts == times(len(samples), read) + Counter({("from", "devices.to_cpu"): 1})

@@ -9,10 +9,11 @@ import torch
 from conftest import make_card, trunk_node
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording
 from tex_lightning.perturbations.table import perturbations
-from tex_lightning.studies.perturbed import PerturbedDataset, PerturbedSystem, SystemFold, make_rng
+from tex_lightning.studies.perturbed import PerturbedSystem, Perturber, SystemFold, make_rng
 
 TABLE = perturbations()
 MODALITIES = {"haptic": "haptic", "visual": "image", "sound": "sound"}
@@ -21,6 +22,8 @@ LABELS = ("a", "b", "c")
 
 class Arrays:
     """A store that makes the recordings up from their file names."""
+
+    decoders = dict.fromkeys(MODALITIES.values(), SignalDecoder(10_000.0, 10_000.0, None, None))
 
     def load(self, row: Recording) -> np.ndarray:
         rng = np.random.default_rng(list(row.path.name.encode()))
@@ -50,10 +53,7 @@ def make(tmp_path):
             torch.nn.init.normal_(classifier.fusion.head.weight)
             torch.nn.init.normal_(classifier.fusion.head.bias)
         samples = [Sample(label, rows(label, n, senses)) for label in LABELS for n in (0, 1)]
-        datasets = {MODALITIES[sense]: PerturbedDataset(10_000.0, 0) for sense in senses}
-        for modality, dataset in datasets.items():
-            dataset.add((each.recordings[modality] for each in samples), Arrays())
-        fold = SystemFold(Path("x"), classifier, samples, datasets)
+        fold = SystemFold(Path("x"), classifier, samples, Arrays(), Perturber(0))
         return PerturbedSystem("mine", card.kind, [fold])
 
     return system
@@ -75,10 +75,10 @@ def test_labels_are_those_of_the_classifier_for_the_same_recordings(make, level)
         labels = []
         for sample in fold.samples:
             rows = sample.recordings
-            arrays = {name: fold.datasets[name].clean(rows[name]) for name in rows}
+            arrays = {name: fold.store.load(rows[name]) for name in rows}
             if perturbation is not None:
                 name = perturbation.modality
-                arrays[name] = fold.datasets[name].perturbed(rows[name], perturbation, 3)
+                arrays[name] = fold.perturber.perturb(rows[name], fold.store, perturbation, 3)
             tensors = {name: torch.from_numpy(np.array(array)) for name, array in arrays.items()}
             labels.append(fold.classifier.classify(**tensors).label)
         assert system.decide(perturbation, 3) == labels

@@ -11,7 +11,6 @@ from tex_lightning.config import Config
 from tex_lightning.config.model import FUSION, kind_of
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.run_folder import SUFFIX, TRAINS, run_of
-from tex_lightning.data.decode import Decoder
 from tex_lightning.data.folds import make_samples
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
@@ -19,11 +18,10 @@ from tex_lightning.learning.provenance import as_trained
 from tex_lightning.report.table import model_label, run_settings
 from tex_lightning.studies.dataset import open_test_data
 from tex_lightning.studies.description import show_opening
-from tex_lightning.studies.perturbed import PerturbedDataset, PerturbedSystem, SystemFold
+from tex_lightning.studies.perturbed import PerturbedSystem, Perturber, SystemFold
 from tex_lightning_runtime.files import expanded
 
 TestedCheckpoint = tuple[Path, int | None]  # its test fold is None for the configured one
-Datasets = dict[tuple[str, Decoder], PerturbedDataset]  # by modality and how it is decoded
 
 
 def load_systems(config: Config, *, choose: bool = False) -> list[PerturbedSystem]:
@@ -38,15 +36,16 @@ def load_systems(config: Config, *, choose: bool = False) -> list[PerturbedSyste
         UserError: If a folder or checkpoint cannot be used, knows other classes, or was trained on
             what it would be tested on.
     """
-    datasets: Datasets = {}
+    perturber = Perturber(config.seed)
     systems, places = list[PerturbedSystem](), list[str]()
     paths = [expanded(name) for name in config.stability.systems or []]
     homes = _short_paths(paths)
     for path, home in zip(paths, homes, strict=True):
         for checkpoints in _checkpoints(path).values():
-            folds = [
-                _load(config, file, fold, datasets, choose=choose) for file, fold in checkpoints
-            ]
+            folds: list[SystemFold] = []
+            for file, fold in checkpoints:
+                first = not (systems or folds)
+                folds.append(_load(config, file, fold, perturber, choose=choose, show=first))
             card = folds[0].classifier.card
             name, label = _names(path, card)
             systems.append(PerturbedSystem(name, card.kind, folds, label))
@@ -91,25 +90,20 @@ def _checkpoints(path: Path) -> dict[str, list[TestedCheckpoint]]:
 
 
 def _load(
-    config: Config, path: Path, fold: int | None, datasets: Datasets, *, choose: bool
+    config: Config, path: Path, fold: int | None, perturber: Perturber, *, choose: bool, show: bool
 ) -> SystemFold:
-    """Load a checkpoint and its test samples, and add the recordings to the data sets."""
+    """Load a checkpoint and its test samples; if ``show``, print what data these are."""
     loaded = load_classifier(path)
     data = config.data if fold is None else config.on_fold(fold).data
     if choose or fold is not None:
         data = as_trained(data, loaded.card)
     dataset, _ = open_test_data(data, loaded, f"Checkpoint {path}")
-    if not datasets:  # the first one's data are shown
+    if show:
         show_opening(data, dataset, ", ".join(config.stability.systems or []))
     samples = make_samples(dataset.recordings, loaded.card.modalities)
-    perturbed = {}
-    for modality, decoder in dataset.store.decoders.items():
-        fresh = PerturbedDataset(getattr(decoder, "sampling_rate", 0.0), config.seed)
-        perturbed[modality] = datasets.setdefault((modality, decoder), fresh)
-        perturbed[modality].add((sample.recordings[modality] for sample in samples), dataset.store)
     loaded.to(pick_device(config.trainer.accelerator))
     classifier = accelerate(loaded, config.engine).eval()
-    return SystemFold(path, classifier, samples, perturbed)
+    return SystemFold(path, classifier, samples, dataset.store, perturber)
 
 
 def _names(path: Path, card: Card) -> tuple[str, str]:

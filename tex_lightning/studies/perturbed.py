@@ -5,7 +5,7 @@ even if several samples contain it.
 """
 
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -21,6 +21,7 @@ from tex_lightning.config import StabilityConfig
 from tex_lightning.config.keys import choice
 from tex_lightning.core.devices import to_cpu
 from tex_lightning.core.progress import Stage
+from tex_lightning.data.decode import Decoder
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import MODALITIES, Recording, write_part
 from tex_lightning.data.store import Store, fingerprint
@@ -39,37 +40,31 @@ from tex_lightning.perturbations.table import (
 Labels = list[int | None]  # class index of each sample; None for an unusable sample
 
 
-class PerturbedDataset:
-    """Recordings of one modality by one decoder, clean and perturbed.
+class Perturber:
+    """Recordings at one severity of one perturbation after the other, made once for all systems.
 
     Random numbers depend only on the seed, the perturbation and the content of the file, so that
-    they are the same for every system and severity. The perturbed recordings of the latest
-    perturbation and severity are kept. The rate is that of signals in Hz; 0 for photos.
+    they are the same for every system and severity.
     """
 
-    def __init__(self, rate: float, seed: int) -> None:
-        self.rate, self.seed = rate, seed
-        self.stores: dict[Recording, Store] = {}
+    def __init__(self, seed: int) -> None:
+        self.seed = seed
         self._now: tuple[Perturbation, float] | None = None
-        self._perturbed: dict[Recording, Array] = {}
+        self._perturbed: dict[tuple[Recording, Decoder], Array] = {}
 
-    def add(self, rows: Iterable[Recording], store: Store) -> None:
-        """Add recordings of a store."""
-        self.stores.update((row, store) for row in rows)
-
-    def clean(self, row: Recording) -> Array:
-        """Return the recording as decoded."""
-        return self.stores[row].load(row)
-
-    def perturbed(self, row: Recording, perturbation: Perturbation, severity: float) -> Array:
-        """Return the recording perturbed."""
+    def perturb(
+        self, row: Recording, store: Store, perturbation: Perturbation, severity: float
+    ) -> Array:
+        """Return a recording of a store perturbed."""
         if self._now != (perturbation, severity):
             self._now, self._perturbed = (perturbation, severity), {}
-        if row not in self._perturbed:
+        decoder = store.decoders[row.modality]
+        if (row, decoder) not in self._perturbed:
             rng = make_rng(self.seed, perturbation.name, row)
-            scene = Scene(rng, self.rate)
-            self._perturbed[row] = perturbation.apply(np.array(self.clean(row)), severity, scene)
-        return self._perturbed[row]
+            scene = Scene(rng, getattr(decoder, "sampling_rate", 0.0))
+            clean = np.array(store.load(row))
+            self._perturbed[row, decoder] = perturbation.apply(clean, severity, scene)
+        return self._perturbed[row, decoder]
 
 
 def make_rng(seed: int, name: str, row: Recording) -> np.random.Generator:
@@ -88,13 +83,15 @@ class SystemFold:
         checkpoint: Where it was loaded from.
         classifier: In evaluation mode, as prediction runs it.
         samples: Test samples, which it was not trained on.
-        datasets: Where their recordings are, by modality.
+        store: Their recordings as the classifier takes them.
+        perturber: What perturbs them for all systems.
     """
 
     checkpoint: Path
     classifier: SurfaceClassifier
     samples: list[Sample]
-    datasets: Mapping[str, PerturbedDataset]
+    store: Store
+    perturber: Perturber
     _clean: dict[tuple[str, Recording], Tensor] = field(default_factory=dict)
     _perturbed: dict[tuple[str, Recording], Tensor] = field(default_factory=dict)
 
@@ -116,11 +113,12 @@ class SystemFold:
         """Return the class scores of a sample; None for an unusable one."""
         classifier, recordings, partials = self.classifier, {}, []
         for name, sense in classifier.senses.items():
-            row, dataset = sample.recordings[sense.modality], self.datasets[sense.modality]
+            row = sample.recordings[sense.modality]
             if perturbation is not None and perturbation.modality == sense.modality:
-                known, array = self._perturbed, dataset.perturbed(row, perturbation, severity)
+                known = self._perturbed
+                array = self.perturber.perturb(row, self.store, perturbation, severity)
             else:
-                known, array = self._clean, dataset.clean(row)
+                known, array = self._clean, self.store.load(row)
             recordings[sense.modality] = torch.from_numpy(np.array(array))
             if (name, row) not in known:
                 try:
@@ -256,7 +254,7 @@ def choose_perturbations(
             fold = next(system for system in systems if system.meets(perturbation)).folds[0]
             row = fold.samples[0].recordings[perturbation.modality]
             for severity in (SEVERITIES[0], SEVERITIES[-1]):
-                fold.datasets[perturbation.modality].perturbed(row, perturbation, severity)
+                fold.perturber.perturb(row, fold.store, perturbation, severity)
     return chosen
 
 
@@ -264,7 +262,7 @@ def _check_modalities(
     path: str, table: Mapping[str, Perturbation], systems: Sequence[PerturbedSystem]
 ) -> None:
     """Reject a slip in the name of a modality; others may be those of other systems."""
-    known = {*MODALITIES, *(name for system in systems for name in system.folds[0].datasets)}
+    known = {*MODALITIES, *(name for it in systems for name in it.folds[0].store.decoders)}
     for name in {kind.modality for kind in table.values()} - known:
         if near := nearest(name, known):
             raise UserError(f"stability.severities={path} has the modality {name}{near}.")
