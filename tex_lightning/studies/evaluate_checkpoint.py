@@ -1,6 +1,6 @@
 """Test a checkpoint: outcomes, ``results.json``, figures, and what its loggers show."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from tex_lightning.classifier.card import CROSSVAL
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, plain_values
 from tex_lightning.core.run_folder import predictions_of
-from tex_lightning.data.folds import Sample
+from tex_lightning.data.folds import Sample, make_samples
 from tex_lightning.data.store import Store, Unusable, load_sample, skipped_entry
 from tex_lightning.evaluation.conditions import by_condition
 from tex_lightning.evaluation.confusion import fragment_counts, vote_counts
@@ -88,30 +88,42 @@ def describe_network(
 
 def report_network(
     config: Config,
-    dataset: Dataset,
+    tested: Dataset,
     classifier: SurfaceClassifier,
     checkpoint: Path,
-    samples: Sequence[Sample],
-    unknown: Sequence[Sample],
     directory: Path,
-) -> tuple[dict[str, Any], list[Outcome]]:
+    *,
+    draw: bool,
+) -> tuple[dict[str, Any], Iterable[Artifact]]:
     """Test a network as prediction runs it; write its predictions into the run folder.
 
-    Its entry of ``results.json`` is returned, and what became of each sample.
+    If ``draw``, its figures and misclassified samples are written, too.
+
+    Returns:
+        Its entry of ``results.json``; and samples and embeddings for its loggers, made when they
+        are asked for.
     """
-    kind, store = classifier.card.kind, dataset.store
-    warn_of_few(classifier.card.deciding(config.decision))
+    card, store = classifier.card, tested.store
+    samples, unknown = (
+        make_samples(rows, card.modalities) for rows in (tested.recordings, tested.unknown)
+    )
+    warn_of_few(card.deciding(config.decision))
     decider = make_inference_model(classifier, config.engine, config.decision)
     fold = None if config.data.test_where else config.data.test_fold
     outcomes = run_test(decider, samples, store, fold)
-    write_outcomes(outcomes, predictions_of(directory, kind))
+    write_outcomes(outcomes, predictions_of(directory, card.kind))
     entry = {
         **pooled_metrics(outcomes),
-        **by_condition(samples, outcomes, dataset.condition_bins),
+        **by_condition(samples, outcomes, tested.condition_bins),
         **describe_network(classifier, checkpoint, samples[0], store),
         **report_unknown(decider, unknown, store, directory, outcomes, fold),
     }
-    return entry, outcomes
+    if not draw:
+        return entry, ()
+    view = SampleView(lambda _: classifier, card.classes, samples, outcomes, store)
+    draw_figures(outcomes, card.classes, card.kind, directory)
+    keep_samples(directory, card.kind, view)
+    return entry, chain(sample_artifacts(view), projector_artifacts(classifier, view))
 
 
 def draw_figures(
@@ -167,24 +179,6 @@ def log_network(
     trial = trial_settings(directory, model.name, config.data.name, name) if trained else None
     settings = values if trained else {key: values[key] for key in ("seed", "data")}
     log_test(loggers, name, settings, networks[name], artifacts, trial)
-
-
-def draw_test(
-    classifier: SurfaceClassifier,
-    samples: Sequence[Sample],
-    outcomes: Sequence[Outcome],
-    store: Store,
-    directory: Path,
-) -> Iterator[Artifact]:
-    """Save the figures and the misclassified samples of a test in the run folder.
-
-    Samples and embeddings are returned for its loggers, made when they are asked for.
-    """
-    card = classifier.card
-    view = SampleView(lambda _: classifier, card.classes, samples, outcomes, store)
-    draw_figures(outcomes, card.classes, card.kind, directory)
-    keep_samples(directory, card.kind, view)
-    return chain(sample_artifacts(view), projector_artifacts(classifier, view))
 
 
 def fold_samples(dataset: Dataset, outcomes: Sequence[Outcome]) -> list[Sample]:

@@ -8,6 +8,7 @@ networks are trained by :mod:`tex_lightning.learning.train`, and tested by
 import logging
 import time
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -33,7 +34,6 @@ from tex_lightning.studies.dataset import Dataset, open_dataset
 from tex_lightning.studies.description import show_opening
 from tex_lightning.studies.evaluate_checkpoint import (
     describe_network,
-    draw_test,
     log_network,
     report_network,
     results_frame,
@@ -186,21 +186,19 @@ def _test_network(
     directory, checkpoint = training.directory, training.checkpoint
     classifier.to(pick_device(config.trainer.accelerator))
     kind, modalities = classifier.card.kind, classifier.card.modalities
-    samples = make_samples(parts.test, modalities)
-    unknown = make_samples(split(dataset.unknown, config.data, trains=True).test, modalities)
     further: Iterable[Artifact] = ()
-    if samples:
-        result, outcomes = report_network(
-            config, dataset, classifier, checkpoint, samples, unknown, directory
+    if make_samples(parts.test, modalities):
+        unknown = split(dataset.unknown, config.data, trains=True).test
+        tested = replace(dataset, recordings=parts.test, unknown=unknown)
+        result, further = report_network(
+            config, tested, classifier, checkpoint, directory, draw=draw
         )
-        if draw:
-            further = draw_test(classifier, samples, outcomes, store, directory)
     else:
         sample = make_samples(parts.train, modalities)[0]
         result = {"test_samples": 0, **describe_network(classifier, checkpoint, sample, store)}
     if draw:
-        tested, loggers = {**networks, kind: result}, training.loggers
-        log_network(config, dataset.classes, directory, loggers, tested, further, trained=True)
+        known, loggers = {**networks, kind: result}, training.loggers
+        log_network(config, dataset.classes, directory, loggers, known, further, trained=True)
     else:
         log_test(training.loggers, kind, plain_values(config), result)
     _log_result(classifier.card, result, parts.train, config.data)

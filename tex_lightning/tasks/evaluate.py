@@ -9,14 +9,13 @@ from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.run_folder import system_name
-from tex_lightning.data.folds import make_samples, tested_part
+from tex_lightning.data.folds import tested_part
 from tex_lightning.inference.prediction import check_unknown
 from tex_lightning.learning.loggers import open_loggers
 from tex_lightning.report.table import print_results
 from tex_lightning.studies.dataset import open_test_data
 from tex_lightning.studies.description import show_opening
 from tex_lightning.studies.evaluate_checkpoint import (
-    draw_test,
     log_network,
     report_network,
     results_frame,
@@ -42,12 +41,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     known = "which its training left out" if data.withholds else "which its training has not seen"
     part = f"{tested_part(data)}, {known if choose else 'as asked for'}"
     show_opening(data, dataset, f"{part}, by {config.checkpoint}", keep_in=directory)
-    samples = make_samples(dataset.recordings, card.modalities)
-    unknown = make_samples(dataset.unknown, card.modalities)
-    network, outcomes = report_network(
-        config, dataset, classifier, checkpoint, samples, unknown, directory
-    )
-    further = draw_test(classifier, samples, outcomes, dataset.store, directory)
+    network, further = report_network(config, dataset, classifier, checkpoint, directory, draw=True)
     loggers, networks = open_loggers(config.logger, directory, card.kind), {card.kind: network}
     log_network(config, dataset.classes, directory, loggers, networks, further, trained=False)
     seconds = time.perf_counter() - begin
