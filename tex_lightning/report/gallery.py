@@ -11,16 +11,15 @@ from torch import Tensor
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.core.devices import computing_threads
-from tex_lightning.core.files import read_record
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import load_recording
 from tex_lightning.evaluation.confusion import own_pairs
 from tex_lightning.evaluation.outcomes import read_networks
 from tex_lightning.report.artifacts import Media, Points, jpeg, wav
-from tex_lightning.report.data_page import FILE, data_facts
+from tex_lightning.report.data_page import data_tables
 from tex_lightning.report.pictures import captioned, recording_picture
 from tex_lightning.report.samples import SampleView, sample_picture, worst
-from tex_lightning.report.table import fact_rows, markdown, typed_overrides
+from tex_lightning.report.table import Table, fact_table, markdown, typed_overrides
 from tex_lightning.text import printable, to_markdown
 
 WORST = 6  # samples, as far as there are errors
@@ -48,13 +47,12 @@ def text_artifacts(directory: Path, results: Mapping[str, Any]) -> Iterator[Medi
     """Yield the command of a run, what its data are and its results."""
     command = shlex.join(["python", "-m", "tex_lightning", *typed_overrides(directory)])
     yield _text("1 command", [f"    {printable(command)}"])
-    data = data_facts(read_record(directory / FILE))
-    yield _table("2 data", [["data", ""], *map(list, data)])
-    yield _table("3 results", fact_rows(results))
+    yield _table("2 data", data_tables(directory)[0])
+    yield _table("3 results", fact_table(results))
 
 
-def _table(tag: str, rows: list[list[str]]) -> Media:
-    first, *others = [[to_markdown(cell) for cell in row] for row in rows]
+def _table(tag: str, table: Table) -> Media:
+    first, *others = [[*map(to_markdown, row)] for row in (table.headings, *table.cells)]
     return _text(tag, markdown(first, others))
 
 
@@ -87,13 +85,17 @@ def pair_artifacts(
 ) -> Iterator[Media]:
     """Yield a table of the pairs that one network confuses and another one tells apart."""
     rows = [
-        [own.network, own.pair.label, own.pair.predicted, f"{own.pair.share:.0%}",
-         ", ".join(f"{name} {share:.0%}" for name, share in own.others.items())]
+        {
+            "network": own.network,
+            "fragments of": own.pair.label,
+            "called": own.pair.predicted,
+            "share": f"{own.pair.share:.0%}",
+            "share of other networks": ", ".join(f"{key} {x:.0%}" for key, x in own.others.items()),
+        }
         for own in own_pairs(read_networks(directory, networks), classes)
-    ]  # fmt: skip
+    ]
     if rows:
-        heading = ["network", "fragments of", "called", "share", "share of other networks"]
-        yield _table("4 confused pairs", [heading, *rows])
+        yield _table("4 confused pairs", Table("", rows))
 
 
 class _Point(NamedTuple):

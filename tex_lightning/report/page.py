@@ -66,8 +66,10 @@ def write_report(
         "is_broad": is_broad,
         "directory": directory,
         "networks": facts(results),
-        "files": _file_tables(directory, results.get("systems", {})),
-        "classes": class_tables(directory),
+        "long_tables": [
+            *class_tables(directory),
+            *_file_tables(directory, results.get("systems", {})),
+        ],
         "errors": error_cards(directory),
         "date": _date(directory),
         "script": script,

@@ -84,14 +84,17 @@ def facts(results: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     }
 
 
-def fact_rows(results: Mapping[str, Any]) -> list[list[str]]:
-    """Return a line of headings, then one for each fact: its name, and that of each network."""
+def fact_table(results: Mapping[str, Any]) -> Table:
+    """Return a line for each fact of a run, with a column for each network."""
     shown = facts(results)
     names = {fact: None for network in shown.values() for fact in network}
-    return [
-        ["", *shown],
-        *([fact, *(network.get(fact, "") for network in shown.values())] for fact in names),
-    ]
+    return Table(
+        "Results",
+        [
+            {"": name, **{key: known.get(name, "") for key, known in shown.items()}}
+            for name in names
+        ],
+    )
 
 
 def counted(entry: Mapping[str, Any]) -> str:
@@ -148,9 +151,10 @@ def print_results(results: dict[str, Any], directory: Path) -> None:
     """
     if Screen.sweep and Screen.verbose < DEBUG:
         return
-    (first, *networks), *rows = fact_rows(results)
+    table = fact_table(results)
     title = f"{results['task']} · {results['model']} · {results['data']}"
-    print_tables(directory, make_table(title, [first], networks, rows))
+    shown = make_table(title, table.headings[:1], table.headings[1:], table.cells)
+    print_tables(directory, shown)
 
 
 def condition_rows(networks: Mapping[str, Network]) -> list[dict[str, str]]:
