@@ -3,7 +3,7 @@
 import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
@@ -98,11 +98,7 @@ def pair_artifacts(
         yield _table("4 confused pairs", Table("", rows))
 
 
-class _Point(NamedTuple):
-    row: Recording
-    part: str
-    predicted: str
-    vector: Tensor
+Point = tuple[Recording, str, str, Tensor]  # with its part, label and mean embedding
 
 
 def projector_artifacts(classifier: SurfaceClassifier, view: SampleView) -> Iterator[Points]:
@@ -110,31 +106,30 @@ def projector_artifacts(classifier: SurfaceClassifier, view: SampleView) -> Iter
     for name, sense in classifier.senses.items():
         if classifier.statistics_of(name) is None:
             continue
-        points = [*_trained(classifier, name), *_tested(classifier, name, view)]
-        vectors = torch.stack([point.vector for point in points]).float()
-        rows = [point.row for point in points]
+        points = *_trained(classifier, name), *_tested(classifier, name, view)
+        rows, parts, labels, vectors = zip(*points, strict=True)
         rate = getattr(sense.decoder, "sampling_rate", None)
         yield Points(
             name,
-            _reduced(vectors).numpy(),
+            _reduced(torch.stack(vectors).float()).numpy(),
             {
                 "label": [printable(row.label) for row in rows],
-                "predicted": [printable(point.predicted) for point in points],
-                "part": [point.part for point in points],
+                "predicted": [*map(printable, labels)],
+                "part": parts,
                 "file": [printable(row.path.name) for row in rows],
             },
             np.stack([recording_picture(view.store.load(row), rate, (SIDE, SIDE)) for row in rows]),
         )
 
 
-def _trained(classifier: SurfaceClassifier, name: str) -> Iterator[_Point]:
+def _trained(classifier: SurfaceClassifier, name: str) -> Iterator[Point]:
     rows, vectors = classifier.trained_embeddings.get(name, ((), torch.empty(0)))
     for index in _some(len(rows)):
-        yield _Point(rows[index], "training", "", vectors[index])
+        yield rows[index], "training", "", vectors[index]
 
 
 @torch.inference_mode()
-def _tested(classifier: SurfaceClassifier, name: str, view: SampleView) -> Iterator[_Point]:
+def _tested(classifier: SurfaceClassifier, name: str, view: SampleView) -> Iterator[Point]:
     modality = classifier.senses[name].modality
     tested = {
         sample.recordings[modality]: outcome.predicted
@@ -145,7 +140,7 @@ def _tested(classifier: SurfaceClassifier, name: str, view: SampleView) -> Itera
         recording = load_recording(rows[index], view.store)
         with computing_threads(classifier.threads(name, recording)):
             vector = classifier.embedding(name, recording.to(classifier.device)).mean(dim=1).cpu()
-        yield _Point(rows[index], "test", tested[rows[index]], vector)
+        yield rows[index], "test", tested[rows[index]], vector
 
 
 def _some(count: int) -> list[int]:
