@@ -3,11 +3,12 @@
 import base64
 import hashlib
 import shlex
-import struct
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Any
+
+from PIL import Image
 
 from tex_lightning.config.overrides import given_overrides
 from tex_lightning.core.files import read_rows, write_text
@@ -139,9 +140,9 @@ def _own_tables(results: Mapping[str, Any]) -> list[Table]:
 
 
 def is_broad(path: Path) -> bool:
-    """Return whether a PNG is too wide for two in a row."""
-    (width,) = struct.unpack(">I", path.read_bytes()[16:20])  # of its header
-    return bool(width > BROAD)
+    """Return whether a picture is too wide for two in a row."""
+    with Image.open(path) as picture:  # of which the header is read
+        return picture.width > BROAD
 
 
 def _file_tables(directory: Path, systems: Mapping[str, Mapping[str, Any]]) -> list[Table]:

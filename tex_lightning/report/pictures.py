@@ -20,7 +20,6 @@ from tex_lightning.senses.features.image import ImageFeatures
 from tex_lightning.text import printable
 
 Pixels = npt.NDArray[np.uint8]
-SHADES = 256
 OUTER = 0.5  # percent of the values at each end whose shade is that of the end
 STRETCHED = 8  # times as long as wide, from which the sides of a picture are changed apart
 MIN_SIDE = 96  # pixels on the shorter side, to which smaller inputs are enlarged
@@ -59,9 +58,8 @@ def shaded(values: npt.NDArray[np.float32]) -> Pixels:
     from matplotlib import colormaps  # slow, and what has no figures does without
 
     low, high = np.percentile(values, (OUTER, 100 - OUTER))
-    levels = (values - low) * (SHADES - 1) / max(high - low, 1e-12)
-    table = (colormaps["viridis"](np.arange(SHADES))[:, :3] * 255).astype(np.uint8)
-    return np.asarray(table[np.clip(levels, 0, SHADES - 1).astype(np.intp)])
+    levels = (values - low) / max(high - low, 1e-12)
+    return np.asarray(colormaps["viridis"](levels.clip(0, 1), bytes=True)[..., :3])
 
 
 def _sized(pixels: Pixels, largest: int) -> Pixels:

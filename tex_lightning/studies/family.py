@@ -298,7 +298,7 @@ def _entry(system: System) -> dict[str, Any]:
     pooled = pooled_metrics(system.outcomes, calibrated=False)
     macs = system.entry["macs_per_sample"]
     if macs is not None:  # those that a sequential decision does not do are left out
-        macs = round(macs * fmean(outcome.relative_macs for outcome in system.outcomes))
+        macs = round(macs * pooled.get("relative_macs", 1))
     return {
         **system.entry, **pooled, "macs_per_sample": macs, "fit_seconds": system.fit_seconds
     }  # fmt: skip
