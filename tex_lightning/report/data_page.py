@@ -40,7 +40,8 @@ def data_facts(told: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("Classes", f"{len(told['classes'])}: {', '.join(told['classes'])}"),
     ]
     for entry in told["recordings"].values():
-        facts.append((entry["called"].capitalize(), _sizes(entry)))
+        called = str(entry["called"])
+        facts.append((called[:1].upper() + called[1:], _sizes(entry)))
         facts += [("Reads", text) for text in entry.get("read", ())]
     if told["folds"]:
         facts += [("Folds", told["folds"]), ("Parts", _parts(told))]

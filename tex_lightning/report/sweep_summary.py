@@ -2,7 +2,7 @@
 
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import mean, stdev
 from typing import NamedTuple
@@ -16,6 +16,7 @@ from tex_lightning.core.console import console
 from tex_lightning.core.files import write_rows
 from tex_lightning.core.run_folder import FAILURE
 from tex_lightning.data.recordings import natural_key
+from tex_lightning.evaluation.conditions import by_size
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.page import write_report
 from tex_lightning.report.style import Look, brief, looks, styled
@@ -59,8 +60,7 @@ def summarise(directory: Path, *, searched: bool) -> int:
     lines = [{**row, **assigned(row), "overrides": " ".join(row["overrides"])} for row in rows]
     known = columns()
     headings = [*(key for key in keys if key not in known), *known]
-    values = ([line.get(heading) for heading in headings] for line in lines)
-    cells = (["" if value is None else value for value in line] for line in values)
+    cells = ([line.get(heading) for heading in headings] for line in lines)
     write_rows(directory / "sweep.csv", headings, cells)
     table = sweep_table(rows, searched=searched)
     _print(table, rows, directory)
@@ -135,7 +135,7 @@ def key_figure(
         if key in values:
             shared = ", ".join(f"{names[k]}={values[k]}" for k in others if k in values)
             lines[shared].append(Point(values[key], *_interval(row, column)))
-    order = ordered({point.value for line in lines.values() for point in line})
+    order = sorted({x.value for line in lines.values() for x in line}, key=by_size)
     if len(order) < 2:
         return None
     said = ""
@@ -149,7 +149,7 @@ def key_figure(
     places = _place(axes, order)
     middle = (len(lines) - 1) / 2
     for number, (name, look) in enumerate(looks(lines).items()):
-        beside = _moved(places, APART * (number - middle), logarithmic=axes.get_xscale() == "log")
+        beside = _moved(axes, places, APART * (number - middle))
         _draw(axes, lines[name], beside, name, look, joined=not searched)
     if searched:
         _star(axes, rows, key, places)
@@ -193,12 +193,6 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def ordered(values: Iterable[str]) -> list[str]:
-    """Return values by size if all are numbers, else by name."""
-    values = [*values]
-    return sorted(values, key=float) if all(map(_is_number, values)) else sorted(values)
-
-
 def _place(axes: Axes, order: Sequence[str]) -> dict[str, float]:
     """Return where each value is across, and set the axis: numbers to scale, names side by side."""
     if not all(map(_is_number, order)):
@@ -218,12 +212,12 @@ def _place(axes: Axes, order: Sequence[str]) -> dict[str, float]:
     return places
 
 
-def _moved(places: dict[str, float], share: float, *, logarithmic: bool) -> dict[str, float]:
-    """Return places a share of the axis further on."""
-    least, most = min(places.values()), max(places.values())
-    if logarithmic:
-        return {value: place * (most / least) ** share for value, place in places.items()}
-    return {value: place + (most - least) * share for value, place in places.items()}
+def _moved(axes: Axes, places: dict[str, float], share: float) -> dict[str, float]:
+    """Return places a share of the axis further on, whatever its scale."""
+    scale = axes.xaxis.get_transform()
+    across = scale.transform(np.array([*places.values()]))
+    moved = scale.inverted().transform(across + share * np.ptp(across))
+    return dict(zip(places, moved.tolist(), strict=True))
 
 
 def _draw(
