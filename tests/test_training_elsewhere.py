@@ -39,10 +39,10 @@ EPOCHS, STEPS = 2, 3
 # What crosses over, by way and place. A signal is copied there once, of its beginning the touch is
 # looked for on the CPU, and whether it has rests and is finite decides what happens next.
 SIGNAL = Counter({
-    ("to", "base.Sense.read"): 1, ("from", "movement.movement_start"): 1,
+    ("to", "base.Sense.compute_features"): 1, ("from", "movement.movement_start"): 1,
     ("wait", "movement.moving"): 1, ("wait", "base._is_finite"): 1,
 })  # fmt: skip
-PHOTO = Counter({("to", "base.Sense.read"): 1})
+PHOTO = Counter({("to", "base.Sense.compute_features"): 1})
 TUPLES = Counter({("to", "classifier.SurfaceClassifier.fuse"): 1})  # drawn on the CPU
 READ = {"haptic": SIGNAL, "visual": PHOTO, "fusion": SIGNAL + PHOTO + TUPLES}
 LABEL = Counter({("to", "module.SurfaceModule.validation_step"): 1})
