@@ -13,7 +13,8 @@ from tex_lightning.config.keys import Key, hints_of, without_extras
 from tex_lightning.config.signatures import HYDRAS, TARGET, converted, misfits, strangers
 from tex_lightning.config.static_signatures import read_signature
 
-OFFERED = ("classes", "bands", "blocks", "bins")  # to the classes of a sense, beside its keys
+OF_FEATURES = ("bands", "blocks", "bins")  # attributes that a network takes from features
+OFFERED = ("classes", *OF_FEATURES)  # to the classes of a sense, beside its keys
 Node = Mapping[str, Any]
 
 

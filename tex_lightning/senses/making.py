@@ -7,6 +7,7 @@ from torch import nn
 from torch.nn.parameter import is_lazy
 
 from tex_lightning.config.instantiation import TARGET, make, make_value, trusted_class
+from tex_lightning.config.nodes import OF_FEATURES
 from tex_lightning.data.decode import check_decoding
 from tex_lightning.errors import UserError, shorten
 from tex_lightning.senses.base import Sense
@@ -43,7 +44,7 @@ def make_sense(name: str, node: Mapping[str, Any], classes: int) -> Sense:
         offered[key] = make(f"{where}.{key}", value, **offered)
     features = make(f"{where}.features", node["features"], **offered)
     _check_module(f"{where}.features", features)
-    of_features = {key: getattr(features, key, None) for key in ("bands", "blocks", "bins")}
+    of_features = {key: getattr(features, key, None) for key in OF_FEATURES}
     offered |= {key: value for key, value in of_features.items() if value is not None}
     network = make(f"{where}.network", node["network"], **offered)
     _check_module(f"{where}.network", network)
