@@ -12,8 +12,9 @@ import soundfile
 from omegaconf import OmegaConf
 
 import tex_lightning as tl
+from tex_lightning.config import Job
 from tex_lightning.config.check import read_config
-from tex_lightning.config.composition import Job, compose_config
+from tex_lightning.config.composition import compose_config
 from tex_lightning.data import decode
 from tex_lightning.data.decode import SignalDecoder, forget_traces, keeping_traces, read_once
 from tex_lightning.data.derived_settings import with_derived
@@ -40,8 +41,9 @@ def fingertip(tmp_path_factory):
 
 def overrides_of(*asked: str, folder) -> tuple[str, ...]:
     """What a job is run with in the end."""
-    config = read_config(compose_config(asked))
-    job = Job(asked, folder, "command", True, (), OmegaConf.create())
+    composed = compose_config(asked)
+    config = read_config(composed)
+    job = Job(asked, folder, "command", True, (), composed, OmegaConf.create())
     return with_derived(config.task, config.data, config.model, job).overrides
 
 

@@ -21,6 +21,7 @@ from packaging.version import Version
 import tex_lightning as tl
 from tex_lightning import cli as command
 from tex_lightning.config import CONF
+from tex_lightning.config.composition import compose_for
 from tex_lightning.core.devices import computing_threads
 from tex_lightning.tasks import fit
 
@@ -126,7 +127,8 @@ def test_what_a_job_composes_further_is_looked_for_in_the_users_folders(
 ):
     monkeypatch.chdir(tmp_path)
     seen = []
-    monkeypatch.setattr(fit, "run", lambda _, job: seen.append(job.compose(["experiment=own"])))
+    further = ["experiment=own"]
+    monkeypatch.setattr(fit, "run", lambda _, job: seen.append(compose_for(job, further)))
     outcome = cli(f"hydra.searchpath=[file://{own_folder}]", "seed=1")
     assert outcome.status == 0, outcome.err
     assert seen[0].seed == 5

@@ -22,19 +22,12 @@ from typing import Any
 import hydra
 from omegaconf import DictConfig, OmegaConf
 
-from tex_lightning.config import CONF, SILENT, Config, flatten, plain_values, register
+from tex_lightning.config import CONF, SILENT, Config, Job, flatten, plain_values, register
 from tex_lightning.config.check import checked_config
-from tex_lightning.config.composition import (
-    Job,
-    as_composed,
-    current_job,
-    run_composed,
-    split_flags,
-)
+from tex_lightning.config.composition import as_composed, current_job, run_composed, split_flags
 from tex_lightning.config.help_text import answer
 from tex_lightning.config.mistakes import check_choices, to_user_error
 from tex_lightning.config.overrides import key_of, parsed_overrides
-from tex_lightning.config.rules import check_typed
 from tex_lightning.config.tasks import NO_FOLDER, TRAINING
 from tex_lightning.config.user_folders import use_config_dir
 from tex_lightning.core.console import Screen, console, say, show_rank_zero, verbosity
@@ -114,7 +107,7 @@ def train(*overrides: str) -> Results:
     began: list[Job] = []
 
     def run(composed: DictConfig) -> Results:
-        began.append(job := current_job(python=True))
+        began.append(job := current_job(composed, python=True))
         if composed.task in SILENT:
             raise UserError(
                 f"task={composed.task} leaves no results; run it by python -m tex_lightning, or "
@@ -123,7 +116,7 @@ def train(*overrides: str) -> Results:
         with quick_import():
             from tex_lightning.core.devices import own_defaults
         with own_defaults():
-            run_task(composed, job)
+            run_task(job)
         return Results(read_results(job.directory) if is_rank_zero() else {}, job.directory)
 
     with TURN:
@@ -245,16 +238,16 @@ def run_job(composed: DictConfig) -> float | None:
     Returns:
         The objective that a search minimises; None for a job that failed or trains nothing.
     """
-    job = current_job()
+    job = current_job(composed)
     swept = job.origin == "sweep"
     if swept:
-        _check_search(composed, job)
+        _check_search(job)
         (job.directory / FAILURE).unlink(missing_ok=True)
     place = OmegaConf.select(job.hydra, "hydra.sweep.dir") if swept else job.directory
     again = f"hydra.{'sweep' if swept else 'run'}.dir={place}"
     STARTED.append((job.directory, "" if composed.task in NO_FOLDER else again))
     try:
-        return run_task(composed, job)
+        return run_task(job)
     except Exception as error:
         if _follows_interrupt(error):  # which ends a sweep, too
             raise KeyboardInterrupt from error
@@ -271,7 +264,7 @@ def run_job(composed: DictConfig) -> float | None:
         return None
 
 
-def _check_search(composed: DictConfig, job: Job) -> None:
+def _check_search(job: Job) -> None:
     """End a search for settings that could only be chosen by their test accuracy.
 
     Raises:
@@ -279,7 +272,7 @@ def _check_search(composed: DictConfig, job: Job) -> None:
     """
     from tex_lightning.report.sweep import is_search
 
-    validated = composed.task == "fit" and composed.data.val_fold is not None
+    validated = job.composed.task == "fit" and job.composed.data.val_fold is not None
     if is_search(job.hydra) and not validated:
         message = (
             f"A search (hydra/sweeper={job.hydra.hydra.runtime.choices.get('hydra/sweeper')}) "
@@ -290,7 +283,7 @@ def _check_search(composed: DictConfig, job: Job) -> None:
         raise SystemExit(complain(message))
 
 
-def run_task(composed: DictConfig, job: Job) -> float | None:
+def run_task(job: Job) -> float | None:
     """Check the configuration and run its task in the run folder of the job.
 
     In a training on several devices every process calls it; only rank zero writes files.
@@ -304,20 +297,20 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     given = {key_of(each): each.value() for each in parsed_overrides(job.overrides)}
     lists = {key: x for key, x in given.items() if isinstance(x, list) and "." not in key}
     check_choices({**job.hydra.hydra.runtime.choices, **lists}, job.searchpath)
-    config = checked_config(composed)  # what is wrong with it is said before PyTorch is imported
-    check_typed(config, job.sets)
+    # what is wrong with it is said before PyTorch is imported
+    config = checked_config(job.composed, job.sets)
     from tex_lightning.data.derived_settings import derive_settings
     from tex_lightning.report.sweep import runs_side_by_side
 
     Screen.sweep = job.origin == "sweep"
     several = Screen.sweep and runs_side_by_side(job.hydra)
     Screen.job = f"Job {job.hydra.hydra.job.num}: " if several else ""
-    config, composed, job = derive_settings(config, composed, job)
+    config, job = derive_settings(config, job)
     if config.checkpoint is not None:
         config = replace(config, checkpoint=str(find_checkpoint(config.checkpoint)))
     with prepared(config, job):
         show_rank_zero(libraries=job.origin != "python")
-        results = _run_in_folder(config, composed, job)
+        results = _run_in_folder(config, job)
     if config.task in TRAINING and results:
         from tex_lightning.evaluation.outcomes import optimized_value
 
@@ -325,14 +318,14 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     return None
 
 
-def _run_in_folder(config: Config, composed: DictConfig, job: Job) -> dict[str, Any]:
+def _run_in_folder(config: Config, job: Job) -> dict[str, Any]:
     """Run a task in its locked run folder; write its results, if any, and the report."""
     locked = is_rank_zero() and config.task not in SILENT
     lock = locked_folder(job.directory) if locked else nullcontext()
     again = nullcontext() if config.task in SILENT else requeueing()
     with verbosity(config.verbose), finishing(), lock, again:
         if is_rank_zero() and config.task not in NO_FOLDER:
-            claim_folder(composed, flatten(plain_values(config)), job)
+            claim_folder(job, flatten(plain_values(config)))
         # a task is imported when it runs: most take Lightning, which predictions do without
         with quick_import():
             task = import_module(f"tex_lightning.tasks.{config.task}")

@@ -32,12 +32,11 @@ from sklearn.utils.validation import (
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.cli import TURN
-from tex_lightning.config import Config
+from tex_lightning.config import Config, Job
 from tex_lightning.config.check import checked_config
-from tex_lightning.config.composition import Job, compose_config
+from tex_lightning.config.composition import compose_config
 from tex_lightning.config.mistakes import to_user_error
 from tex_lightning.config.overrides import as_key_value, named_model
-from tex_lightning.config.rules import check_typed
 from tex_lightning.config.signatures import misfits
 from tex_lightning.config.user_folders import use_config_dir
 from tex_lightning.core.console import messages, verbosity
@@ -174,15 +173,14 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         classes, labels = labels_of(y)
         with self._scratch_folder() as folder:
             overrides = self._overrides(folder)
-            composed = compose_config(overrides)
-            config = checked_config(composed)
-            job = Job(tuple(overrides), folder, "python", True, (), OmegaConf.create({"hydra": {}}))
-            check_typed(config, job.sets)
+            composed, hydra = compose_config(overrides), OmegaConf.create({"hydra": {}})
+            job = Job(tuple(overrides), folder, "python", True, (), composed, hydra)
+            config = checked_config(composed, job.sets)
             samples = self._samples(X, config.model.modalities)
             check_consistent_length(samples, labels)
             known = None if groups is None else groups_of(groups, samples)
             write_samples(samples, labels, known, folder)
-            config, _, job = derive_settings(config, composed, job)
+            config, job = derive_settings(config, job)
             classifier = self._train(config, job)
             self.classes_, self.predictor_ = classes, Predictor(classifier, config)
             self._keep_shape(X)

@@ -15,8 +15,8 @@ from lightning.pytorch.loggers import CSVLogger, TensorBoardLogger
 from omegaconf import BooleanNode, OmegaConf
 
 from tex_lightning.cli import run_task
-from tex_lightning.config import flatten
-from tex_lightning.config.composition import Job, compose_config
+from tex_lightning.config import Job, flatten
+from tex_lightning.config.composition import compose_config
 from tex_lightning.config.instantiation import build
 from tex_lightning.config.mistakes import to_user_error
 from tex_lightning.config.signatures import converted, misfits, signature_of
@@ -188,9 +188,9 @@ def test_no_value_of_a_key_ends_in_a_traceback_before_the_training(
     for _ in range(TRIED):
         override = f"++{chance.choice(keys)}={typed(chance.choice(VALUES))}"
         hydra = OmegaConf.create({"hydra": {"job": {"num": 0}}})
-        job = Job((*given, override), tmp_path, "command", True, (), hydra)
+        asked = (*given, override)
         try:
-            run_task(compose_config(job.overrides), job)
+            run_task(Job(asked, tmp_path, "command", True, (), compose_config(asked), hydra))
         except Reached:
             continue
         except Exception as error:

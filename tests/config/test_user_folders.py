@@ -57,7 +57,7 @@ def test_a_file_with_a_name_that_no_sense_can_have_is_told(given, tmp_path, name
 def test_names_with_dashes_are_composed_and_hidden_files_are_nobodys(given, tmp_path):
     for name in ("my-force", "._force", ".#force"):
         (tmp_path / "sense" / f"{name}.yaml").write_text("defaults: [signal, _self_]\n")
-    composed = run_composed(lambda _: current_job(python=True).overrides, [given])
+    composed = run_composed(lambda made: current_job(made, python=True).overrides, [given])
     assert composed == ()
     assert with_own_senses([given])[1:] == [
         "+sense@model.force=force",
@@ -112,7 +112,7 @@ def test_options_of_the_package_are_near_those_of_a_folder(cli, two):
 
 def test_overrides_are_kept_as_they_were_typed_without_those_of_the_package(given, tmp_path):
     typed = ["model.force.hop=${..modality}", "seed=${data.folds}"]
-    job = run_composed(lambda _: current_job(), [given, *typed, f"hydra.run.dir={tmp_path}/run"])
+    job = run_composed(current_job, [given, *typed, f"hydra.run.dir={tmp_path}/run"])
     assert job.overrides == (*typed,)
 
 

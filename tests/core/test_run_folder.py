@@ -86,26 +86,25 @@ def test_a_folder_of_another_run_is_refused_by_the_key_that_chose_it(tmp_path, o
     folder = make(tmp_path, "haptic", seed=1)
     job = SimpleNamespace(directory=folder, origin=origin)
     with pytest.raises(UserError, match=rf"another seed; choose another hydra\.{key}\.dir"):
-        claim_folder(OmegaConf.create(), {"seed": 2}, job)
+        claim_folder(job, {"seed": 2})
 
 
 def test_a_run_goes_on_beside_senses_that_came_to_the_folder_since(tmp_path):
     base = {"model.senses": ["force"], "model.force._target_": "a", "model.force.width": 1}
     folder = make(tmp_path, "force", **base)
+    empty = OmegaConf.create()
     job = SimpleNamespace(
-        directory=folder, origin="command", hydra=OmegaConf.create(), overrides=()
+        directory=folder, origin="command", composed=empty, hydra=empty, overrides=()
     )
-    claim_folder(
-        OmegaConf.create(), {**base, "model.heat._target_": "b", "model.heat.width": 2}, job
-    )
-    claim_folder(OmegaConf.create(), base, job)
+    claim_folder(job, {**base, "model.heat._target_": "b", "model.heat.width": 2})
+    claim_folder(job, base)
     wrong = (
         {"model.force.width": 2}, {"model.baseline._target_": "b"}, {"data.reader._target_": "b"},
         {"model.senses": ["force", "heat"], "model.heat._target_": "b"},
     )  # fmt: skip
     for change in wrong:
         with pytest.raises(UserError, match=f"another {min(change)}"):
-            claim_folder(OmegaConf.create(), {**base, **change}, job)
+            claim_folder(job, {**base, **change})
 
 
 @pytest.mark.parametrize("number", [errno.ENOLCK, errno.EOPNOTSUPP])

@@ -11,8 +11,9 @@ import pytest
 from omegaconf import OmegaConf
 
 from tex_lightning import baselines
+from tex_lightning.config import Job
 from tex_lightning.config.check import check_config, read_config
-from tex_lightning.config.composition import Job
+from tex_lightning.config.composition import compose_for
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.studies import family
@@ -142,7 +143,8 @@ def test_a_finished_family_is_not_trained_again_and_its_votes_decide(
 
 
 def make_job(tmp_path, *overrides: str) -> Job:
-    return Job(overrides, tmp_path, "command", True, (), OmegaConf.create({}))
+    empty = OmegaConf.create({})
+    return Job(overrides, tmp_path, "command", True, (), empty, empty)
 
 
 @pytest.mark.parametrize(
@@ -163,6 +165,6 @@ def test_what_cannot_be_meant_is_refused(overrides, message, tmp_path, monkeypat
 
 
 def check_composed(job: Job):
-    config = read_config(job.compose(job.overrides))
+    config = read_config(compose_for(job, job.overrides))
     check_config(config)
     return config

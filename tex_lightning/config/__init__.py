@@ -12,9 +12,10 @@ objects are built by :mod:`.instantiation`. :mod:`.overrides` reads back what a 
 :mod:`.help_text` is ``--help``.
 """
 
-from dataclasses import is_dataclass, replace
+from dataclasses import dataclass, is_dataclass, replace
 from functools import cache
-from typing import Annotated, Any
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import yaml
 from hydra.core.config_store import ConfigStore
@@ -43,8 +44,8 @@ from tex_lightning.core.run_folder import subject
 
 __all__ = [
     "CONF", "READ_FILES", "SILENT", "TASKS", "Config", "DataConfig", "DecisionConfig",
-    "EngineConfig", "Folding", "ModelConfig", "ProfileConfig", "StabilityConfig", "StreamConfig",
-    "TrainerConfig", "flatten", "plain_values", "register", "trunk_name",
+    "EngineConfig", "Folding", "Job", "ModelConfig", "ProfileConfig", "StabilityConfig",
+    "StreamConfig", "TrainerConfig", "flatten", "plain_values", "register", "trunk_name",
 ]  # fmt: skip
 
 SCHEMA = "tex_lightning_schema"  # the first of the defaults in conf/config.yaml
@@ -121,6 +122,40 @@ class Config:
             single = [name for name in senses if name == "visual" or len(senses) == 1]
             sources = dict.fromkeys(single, self.weights)
         return {name: source for name, source in sources.items() if source is not None}
+
+
+Origin = Literal["command", "sweep", "python"]
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run of one task: what was given, and what Hydra made of it.
+
+    Attributes:
+        overrides: Overrides such as ``model=haptic``, without Hydra's keys.
+        directory: The run folder, an absolute path.
+        origin: Whether a command line runs it, a sweep with others, or a program in Python.
+        named: Whether the run folder was given, not made up.
+        searchpath: The override that names further folders with configuration files, if any.
+        composed: The configuration.
+        hydra: All of Hydra's own settings, for the record.
+    """
+
+    overrides: tuple[str, ...]
+    directory: Path
+    origin: Origin
+    named: bool
+    searchpath: tuple[str, ...]
+    composed: DictConfig
+    hydra: DictConfig
+
+    def sets(self, key: str) -> bool:
+        """Return whether an override gives a dotted key a value."""
+        return any(item.lstrip("+").partition("=")[0] == key for item in self.overrides)
+
+    def adding(self, *overrides: str) -> "Job":
+        """Return the job with further overrides."""
+        return replace(self, overrides=(*self.overrides, *overrides))
 
 
 def trunk_name(model: ModelConfig, sense: str) -> str:

@@ -6,7 +6,7 @@ class rejects it says itself when it is made.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -25,21 +25,24 @@ from tex_lightning.config.model import (
     SignalConfig,
 )
 from tex_lightning.config.nodes import as_taken, is_node, node_complaints, shared_complaints, takes
-from tex_lightning.config.rules import RULES
+from tex_lightning.config.rules import RULES, unread_where_set
 from tex_lightning.config.signatures import misfits
 from tex_lightning.errors import UserError, nearest
 
+Sets = Callable[[str], bool]
 SCHEMAS = {"signal": SignalConfig, "photo": PhotoConfig}  # by the medium of a sense
 
 
-def checked_config(composed: DictConfig) -> Config:
+def checked_config(composed: DictConfig, sets: Sets = lambda _: False) -> Config:
     """Return the typed form of a composed configuration, checked.
+
+    The arguments are those of :func:`check_config`.
 
     Raises:
         UserError: If a key or value cannot be used.
     """
     config = read_config(composed)
-    check_config(config)
+    check_config(config, sets)
     return config
 
 
@@ -151,13 +154,18 @@ def _custom_sense(name: str, node: dict[str, Any], composed: DictConfig) -> Sens
     return sense
 
 
-def check_config(config: Config) -> None:
+def check_config(config: Config, sets: Sets = lambda _: False) -> None:
     """Reject invalid values, naming all of them in one sentence.
+
+    Args:
+        config: The typed configuration.
+        sets: Whether the command sets a key (:meth:`.Job.sets`), which its task then has to read.
 
     Raises:
         UserError: If there are any.
     """
     broken = [complaint for rule in RULES for wrong, complaint in rule(config) if wrong]
+    broken += unread_where_set(config, sets)
     complaints = [*broken, *_values(config), *_parts(config), *_unknown_names(config)]
     if complaints:
         raise UserError("; ".join(dict.fromkeys(complaints)) + ".")

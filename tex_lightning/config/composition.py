@@ -5,9 +5,8 @@ Beside that stand the job that Hydra has begun, and the flags of a command line.
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, NoReturn
+from typing import Any, NoReturn
 
 from hydra import compose, initialize_config_dir
 from hydra._internal.callbacks import Callbacks
@@ -19,7 +18,7 @@ from hydra.types import HydraContext, RunMode
 from hydra.version import VersionBase
 from omegaconf import DictConfig, OmegaConf
 
-from tex_lightning.config import CONF, register
+from tex_lightning.config import CONF, Job, register
 from tex_lightning.config.quoting import as_typed
 from tex_lightning.config.user_folders import check_text, is_added, with_own_senses
 from tex_lightning.errors import UserError, reason
@@ -89,47 +88,16 @@ def _hydra() -> Iterator[None]:
         VersionBase.instance().version_base = base
 
 
-Origin = Literal["command", "sweep", "python"]
+def compose_for(job: Job, overrides: Sequence[str]) -> DictConfig:
+    """Compose another configuration from the folders of a job.
 
-
-@dataclass(frozen=True)
-class Job:
-    """One run of one task, in plain values.
-
-    Attributes:
-        overrides: Overrides such as ``model=haptic``, without Hydra's keys.
-        directory: The run folder, an absolute path.
-        origin: Whether a command line runs it, a sweep with others, or a program in Python.
-        named: Whether the run folder was given, not made up.
-        searchpath: The override that names further folders with configuration files, if any.
-        hydra: All of Hydra's own settings, for the record.
+    Raises:
+        HydraException: If an override is wrong.
     """
-
-    overrides: tuple[str, ...]
-    directory: Path
-    origin: Origin
-    named: bool
-    searchpath: tuple[str, ...]
-    hydra: DictConfig
-
-    def sets(self, key: str) -> bool:
-        """Return whether an override gives a dotted key a value."""
-        return any(item.lstrip("+").partition("=")[0] == key for item in self.overrides)
-
-    def adding(self, *overrides: str) -> "Job":
-        """Return the job with further overrides."""
-        return replace(self, overrides=(*self.overrides, *overrides))
-
-    def compose(self, overrides: Sequence[str]) -> DictConfig:
-        """Compose another configuration from the same folders.
-
-        Raises:
-            HydraException: If an override is wrong.
-        """
-        return compose_config([*overrides, *self.searchpath])
+    return compose_config([*overrides, *job.searchpath])
 
 
-def current_job(*, python: bool = False) -> Job:
+def current_job(composed: DictConfig, *, python: bool = False) -> Job:
     """Return the job that Hydra has just begun, for a command line or for a program in Python.
 
     Nothing below asks Hydra again.
@@ -144,6 +112,7 @@ def current_job(*, python: bool = False) -> Job:
         origin="python" if python else "sweep" if hydra.mode == RunMode.MULTIRUN else "command",
         named=any(each.startswith("hydra.run.dir=") for each in flags),
         searchpath=tuple(each for each in flags if each.startswith("hydra.searchpath=")),
+        composed=composed,
         hydra=OmegaConf.create({"hydra": hydra}),
     )
 

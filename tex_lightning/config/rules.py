@@ -10,7 +10,7 @@ from operator import attrgetter
 from tex_lightning.config import READ_FILES, Config
 from tex_lightning.config.signatures import TARGET
 from tex_lightning.config.tasks import TRAINING
-from tex_lightning.errors import UserError, shorten
+from tex_lightning.errors import shorten
 
 RECORDED = ("haptic", "sound", "image")  # modalities of task=record
 HAVE_CHECKPOINTS = ("evaluate", "enroll", "adapt", "predict", "stream", "export")
@@ -138,16 +138,12 @@ def _unread(config: Config, key: str, tasks: Sequence[str]) -> Rule:
     )
 
 
-def check_typed(config: Config, sets: Callable[[str], bool]) -> None:
-    """Reject a key that only another task reads, where the command ``sets`` it (:meth:`.Job.sets`).
-
-    Raises:
-        UserError: If there is one.
-    """
+def unread_where_set(config: Config, sets: Callable[[str], bool]) -> Iterator[str]:
+    """Yield a complaint for each key that the command sets, and that only another task reads."""
     for key, tasks in OF_TASKS.items():
         wrong, complaint = _unread(config, key, tasks)
         if wrong and sets(key):
-            raise UserError(f"{complaint}.")
+            yield complaint
 
 
 def _task_rules(config: Config) -> Iterator[Rule]:

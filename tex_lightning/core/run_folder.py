@@ -17,7 +17,7 @@ from tex_lightning.errors import UserError, listed
 from tex_lightning_runtime.files import expanded, require_readable_name
 
 if TYPE_CHECKING:
-    from tex_lightning.config.composition import Job
+    from tex_lightning.config import Job
 
 log = logging.getLogger(__name__)
 
@@ -95,7 +95,7 @@ def remove_if_empty(directory: Path) -> None:
             folder.rmdir()
 
 
-def claim_folder(composed: DictConfig, values: dict[str, Any], job: "Job") -> None:
+def claim_folder(job: "Job", values: dict[str, Any]) -> None:
     """Write settings and overrides to the run folder, unless it holds another run.
 
     Hydra would write its own record before any check, so it is disabled
@@ -120,7 +120,7 @@ def claim_folder(composed: DictConfig, values: dict[str, Any], job: "Job") -> No
         log.info("Going on with the run in %s.", directory)
     write_text(note, json.dumps(wanted, indent=1, sort_keys=True))
     for name, content in (
-        ("config", composed),
+        ("config", job.composed),
         ("hydra", job.hydra),
         ("overrides", OmegaConf.create(list(job.overrides))),
     ):

@@ -12,9 +12,9 @@ from importlib.util import find_spec
 
 from omegaconf import DictConfig, OmegaConf
 
-from tex_lightning.config import Config, DataConfig, ModelConfig
+from tex_lightning.config import Config, DataConfig, Job, ModelConfig
 from tex_lightning.config.check import checked_config
-from tex_lightning.config.composition import Job
+from tex_lightning.config.composition import compose_for
 from tex_lightning.config.instantiation import find_class
 from tex_lightning.config.overrides import key_of, parsed_overrides
 from tex_lightning.config.tasks import TRAINING
@@ -48,33 +48,28 @@ LOOKED_AT = 20  # recordings, beside one of each class, that the rate is taken f
 RATE = "data.sampling_rate"
 
 
-def derive_settings(
-    config: Config, composed: DictConfig, job: Job
-) -> tuple[Config, DictConfig, Job]:
+def derive_settings(config: Config, job: Job) -> tuple[Config, Job]:
     """Add the settings that follow from the user's recordings, as overrides of the job.
-
-    Returns:
-        All three with the added overrides.
 
     Raises:
         UserError: If a key or value cannot be used, or the data set cannot be read.
     """
     derived = with_derived(config.task, config.data, config.model, job)
-    if derived.overrides != job.overrides:
-        composed = _recomposed(composed, job, derived)
-        config = checked_config(composed)
-    return config, composed, derived
+    if derived.overrides == job.overrides:
+        return config, job
+    derived = replace(derived, composed=_recomposed(job, derived))
+    return checked_config(derived.composed), derived
 
 
-def _recomposed(composed: DictConfig, job: Job, derived: Job) -> DictConfig:
+def _recomposed(job: Job, derived: Job) -> DictConfig:
     """Return the configuration with the overrides that were added to a job.
 
     Composing again takes a fifth of a second and is done only if an option of a group changes.
     """
     before, added = job.overrides, parsed_overrides(derived.overrides[len(job.overrides) :])
     if derived.overrides[: len(before)] != before or any("." not in key_of(each) for each in added):
-        return derived.compose(derived.overrides)
-    changed = composed.copy()
+        return compose_for(derived, derived.overrides)
+    changed = job.composed.copy()
     for override in added:
         OmegaConf.update(changed, key_of(override), override.value())
     return changed

@@ -5,8 +5,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from tex_lightning.config import Config
-from tex_lightning.config.composition import Job
+from tex_lightning.config import Config, Job
 from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.config.tasks import TRAINING
 from tex_lightning.core.ranks import joining, started_processes

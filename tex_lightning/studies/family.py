@@ -9,9 +9,9 @@ from statistics import fmean
 from typing import Any
 
 from tex_lightning.baselines.classifier import make_baseline
-from tex_lightning.config import Config
+from tex_lightning.config import Config, Job
 from tex_lightning.config.check import check_config, read_config
-from tex_lightning.config.composition import Job
+from tex_lightning.config.composition import compose_for
 from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.core.progress import Stage
 from tex_lightning.core.run_folder import RESULTS, predictions_of
@@ -143,7 +143,7 @@ def compose_system(name: str, overrides: Sequence[str], job: Job) -> System:
     A single source of weights is meant for published trunks; a system without one gets none.
     """
     asked = [*with_system(job, overrides), "task=frontier", "data.val_fold=null"]
-    config = read_config(job.compose(asked))
+    config = read_config(compose_for(job, asked))
     published = any(hasattr(config.model.sense(sense), "trunk") for sense in config.model.senses)
     if isinstance(config.weights, str) and not published:
         config, overrides = replace(config, weights=None), [*overrides, "weights=null"]

@@ -4,8 +4,7 @@ import time
 from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.config import Config
-from tex_lightning.config.composition import Job
+from tex_lightning.config import Config, Job
 from tex_lightning.core.console import say
 from tex_lightning.core.run_folder import checkpoint_of, system_name
 from tex_lightning.data.folds import split, tested_part

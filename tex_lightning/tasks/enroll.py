@@ -5,8 +5,7 @@ from collections import Counter
 from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.config import Config
-from tex_lightning.config.composition import Job
+from tex_lightning.config import Config, Job
 from tex_lightning.core.console import say
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.run_folder import checkpoint_of, system_name

@@ -2,8 +2,7 @@
 
 from typing import Any
 
-from tex_lightning.config import Config
-from tex_lightning.config.composition import Job
+from tex_lightning.config import Config, Job
 from tex_lightning.export.files import export_checkpoint
 from tex_lightning_runtime.files import expanded
 

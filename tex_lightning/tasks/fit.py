@@ -3,8 +3,7 @@
 import time
 from typing import Any
 
-from tex_lightning.config import Config
-from tex_lightning.config.composition import Job
+from tex_lightning.config import Config, Job
 from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.report.table import print_results
 from tex_lightning.studies.fold import finished_results, fit_fold, open_and_show, training_results

@@ -7,8 +7,7 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from tex_lightning.config import Config
-from tex_lightning.config.composition import Job
+from tex_lightning.config import Config, Job
 from tex_lightning.core.files import write_rows
 from tex_lightning.evaluation.outcomes import run_facts
 from tex_lightning.report.figures import save_figure

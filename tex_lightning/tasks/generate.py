@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from tex_lightning.config import Config
-from tex_lightning.config.composition import Job
+from tex_lightning.config import Config, Job
 from tex_lightning.core.console import say
 from tex_lightning.data.manifest import write_manifest
 from tex_lightning.data.readers.folder import read_folder

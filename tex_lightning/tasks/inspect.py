@@ -5,8 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from tex_lightning.config import Config
-from tex_lightning.config.composition import Job
+from tex_lightning.config import Config, Job
 from tex_lightning.core.console import say
 from tex_lightning.data.inspection import Finding, named_files, suspicions
 from tex_lightning.data.readers import read_recordings

@@ -1,7 +1,6 @@
 """Write a manifest from the names of files."""
 
-from tex_lightning.config import Config
-from tex_lightning.config.composition import Job
+from tex_lightning.config import Config, Job
 from tex_lightning.core.console import say
 from tex_lightning.data.manifest import read_manifest, write_manifest
 from tex_lightning.data.readers.path_pattern import read_names

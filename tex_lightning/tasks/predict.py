@@ -9,8 +9,7 @@ from typing import Any
 from torch import Tensor
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.config import Config
-from tex_lightning.config.composition import Job
+from tex_lightning.config import Config, Job
 from tex_lightning.core.console import print_line, say
 from tex_lightning.data.readers.given_files import find_files, match_files
 from tex_lightning.errors import UserError

@@ -10,8 +10,7 @@ from torch import Tensor
 
 from tex_lightning.classifier.card import configured_card
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.config import Config
-from tex_lightning.config.composition import Job
+from tex_lightning.config import Config, Job
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.progress import track
 from tex_lightning.core.run_folder import system_name

@@ -2,8 +2,7 @@
 
 from contextlib import nullcontext
 
-from tex_lightning.config import Config
-from tex_lightning.config.composition import Job
+from tex_lightning.config import Config, Job
 from tex_lightning.data.recordings import normal_form
 from tex_lightning.recording.class_folder import ClassFolder
 from tex_lightning.recording.recorder import record

@@ -4,8 +4,7 @@ import time
 from dataclasses import asdict
 from typing import Any
 
-from tex_lightning.config import Config
-from tex_lightning.config.composition import Job
+from tex_lightning.config import Config, Job
 from tex_lightning.core.files import write_rows
 from tex_lightning.evaluation.outcomes import run_facts
 from tex_lightning.evaluation.robustness import StabilityRow, failure_entry, find_failures

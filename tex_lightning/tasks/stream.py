@@ -8,8 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.config import Config
-from tex_lightning.config.composition import Job
+from tex_lightning.config import Config, Job
 from tex_lightning.core.console import log_once, print_line
 from tex_lightning.core.files import standard_input
 from tex_lightning.errors import UserError
