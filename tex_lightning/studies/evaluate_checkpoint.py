@@ -12,7 +12,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, plain_values
 from tex_lightning.core.run_folder import predictions_of
 from tex_lightning.data.folds import Sample, make_samples
-from tex_lightning.data.store import Store, Unusable, load_sample, skipped_entry
+from tex_lightning.data.store import Store, load_sample, skipped_entry
 from tex_lightning.evaluation.conditions import by_condition
 from tex_lightning.evaluation.confusion import fragment_counts, vote_counts
 from tex_lightning.evaluation.metrics import pooled_metrics
@@ -51,8 +51,7 @@ MIN_CALIBRATED = 50  # samples from which a calibration is drawn
 def results_frame(
     config: Config,
     model: str,
-    classes: list[str],
-    skipped: Sequence[Unusable],
+    dataset: Dataset,
     networks: dict[str, Any],
     seconds: float,
     *,
@@ -63,9 +62,9 @@ def results_frame(
         "task": config.task,
         "model": model,
         "data": config.data.name,
-        "classes": classes,
+        "classes": dataset.classes,
         **run_facts(config, seconds, [baseline]),
-        "skipped": skipped_entry(skipped),
+        "skipped": skipped_entry(dataset.skipped),
         "networks": networks,
     }
 

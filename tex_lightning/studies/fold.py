@@ -85,10 +85,8 @@ def training_results(
     """Return ``results.json`` of a training, with the sources of first weights."""
     model, begun = config.model, {**config.sources, **config.model.checkpoints}
     weights = {name: begun.get(name, _first_weights(model, name)) for name in model.senses}
-    frame = results_frame(
-        config, model.name, dataset.classes, dataset.skipped, networks, seconds,
-        baseline=model.baseline is not None,
-    )  # fmt: skip
+    baseline = model.baseline is not None
+    frame = results_frame(config, model.name, dataset, networks, seconds, baseline=baseline)
     return {**frame, "weights": weights}
 
 

@@ -50,8 +50,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "checkpoint": str(target.resolve()),
     }
     networks = {card.kind: entry}
-    model = system_name(source)
-    results = results_frame(config, model, card.classes, dataset.skipped, networks, seconds)
+    results = results_frame(config, system_name(source), dataset, networks, seconds)
     results["data"] = None if config.files else results["data"]
     say(f"{adaptation} The checkpoint is {target}.")
     return results

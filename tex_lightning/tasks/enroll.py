@@ -2,6 +2,7 @@
 
 import time
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
@@ -45,7 +46,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "checkpoint": str(target.resolve()),
     }
     seconds, networks = time.perf_counter() - begin, {card.kind: entry}
-    model = system_name(source)
-    results = results_frame(config, model, card.classes, dataset.skipped, networks, seconds)
+    extended = replace(dataset, classes=card.classes)
+    results = results_frame(config, system_name(source), extended, networks, seconds)
     say(f"{target} knows {len(card.classes)} classes. Added: {listed(dataset.classes)}.")
     return results

@@ -43,11 +43,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     network, further = report_network(config, dataset, classifier, checkpoint, directory, draw=True)
     loggers, networks = open_loggers(config.logger, directory, card.kind), {card.kind: network}
     log_network(config, dataset.classes, directory, loggers, networks, further, trained=False)
-    seconds = time.perf_counter() - begin
+    seconds, baseline = time.perf_counter() - begin, bool(card.baseline)
     model = str(card.baseline.get("name", system_name(checkpoint)))
-    results = results_frame(
-        config, model, card.classes, dataset.skipped, networks, seconds,
-        baseline=bool(card.baseline),
-    )  # fmt: skip
+    results = results_frame(config, model, dataset, networks, seconds, baseline=baseline)
     print_results(results, directory)
     return results

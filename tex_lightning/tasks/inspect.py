@@ -31,9 +31,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     told["findings"] = [finding._asdict() for finding in found]
     keep_description(told, dataset, job.directory)
     print_findings(told["findings"])
-    frame = results_frame(
-        config, "", dataset.classes, dataset.skipped, {}, time.perf_counter() - begin
-    )
+    frame = results_frame(config, "", dataset, {}, time.perf_counter() - begin)
     results = {**frame, **told, "data": data.name}
     say(f"The report is {job.directory / 'report.html'}")
     return results
