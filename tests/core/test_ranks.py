@@ -13,10 +13,11 @@ from lightning import Callback
 from tex_lightning import cli as command
 from tex_lightning.config import CONF
 from tex_lightning.core.console import console
-from tex_lightning.core.devices import check_started, pick_device
+from tex_lightning.core.devices import pick_device
 from tex_lightning.core.ranks import (
     PARENT,
     Process,
+    check_started,
     is_launched,
     is_rank_zero,
     joining,

@@ -12,14 +12,13 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from tex_lightning.config import CONF, register
+from tex_lightning.config import CONF, register, subject
 from tex_lightning.config.quoting import as_typed
 from tex_lightning.core.run_folder import (
     claim_folder,
     find_checkpoint,
     locked_folder,
     remove_if_empty,
-    subject,
 )
 from tex_lightning.errors import UserError
 

@@ -31,6 +31,7 @@ from tex_lightning.config.tasks import (
     READ_FILES,
     SILENT,
     TASKS,
+    TRAINING,
     DecisionConfig,
     EngineConfig,
     ProfileConfig,
@@ -40,7 +41,7 @@ from tex_lightning.config.tasks import (
     TrainerConfig,
 )
 from tex_lightning.config.user_folders import CONF, UserFolders
-from tex_lightning.core.run_folder import subject
+from tex_lightning.core.run_folder import system_name
 
 __all__ = [
     "CONF", "READ_FILES", "SILENT", "TASKS", "Config", "DataConfig", "DecisionConfig",
@@ -49,6 +50,7 @@ __all__ = [
 ]  # fmt: skip
 
 SCHEMA = "tex_lightning_schema"  # the first of the defaults in conf/config.yaml
+LISTED = 3  # systems in the name of a run folder
 VARIANTS = CONF / "variants.yaml"
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # of a library that may lack its quick one
 
@@ -201,6 +203,21 @@ def register() -> None:
         group, _, option = name.rpartition("/")
         package = "_global_" if name.startswith("experiment/") else None  # it sets keys of any
         store.store(group=group, name=option, node=node, package=package)
+
+
+def subject(*, _root_: DictConfig) -> str:
+    """Return what a run works on, for its folder.
+
+    That are the systems of a stability test, a family of systems, whose checkpoint is taken, or
+    the configured model. OmegaConf gives the whole configuration.
+    """
+    task, source = _root_.task, OmegaConf.select(_root_, "checkpoint")
+    if task == "stability" and (systems := OmegaConf.select(_root_, "stability.systems")):
+        names = [] if isinstance(systems, str) else [system_name(str(system)) for system in systems]
+        return "+".join(names) if 0 < len(names) <= LISTED else f"{len(names)}_systems"
+    if task == "frontier":
+        return str(OmegaConf.select(_root_, "hydra.runtime.choices.frontier"))
+    return str(_root_.model.name) if source is None or task in TRAINING else system_name(source)
 
 
 @cache

@@ -14,13 +14,7 @@ import numpy as np
 import torch
 
 from tex_lightning.core.progress import Item, track
-from tex_lightning.core.ranks import (
-    Process,
-    is_launched,
-    is_torchrun,
-    slurm_tasks,
-    started_processes,
-)
+from tex_lightning.core.ranks import Process, started_processes
 from tex_lightning.errors import UserError
 
 Result = TypeVar("Result")
@@ -144,28 +138,6 @@ def count_processes(accelerator: str, devices: int | str, num_nodes: int) -> int
         cuda = pick_device(accelerator).type == "cuda"
         devices = torch.cuda.device_count() if cuda else 1
     return num_nodes * int(devices)
-
-
-def check_started(processes: int) -> None:
-    """Reject a training for which another number of processes was started than train together.
-
-    Raises:
-        UserError: With the way to start them.
-    """
-    started, tasks = started_processes(), slurm_tasks()
-    if started not in (None, processes) and not is_launched():
-        starter = "torchrun" if is_torchrun() else "srun"
-        raise UserError(
-            f"{starter} has started {started} processes, and this run trains with {processes}: "
-            f"give trainer=ddp trainer.devices=NUMBER (and trainer.num_nodes) so that there are "
-            f"{started}, or start one process."
-        )
-    if started is None and tasks > 1 and not is_launched():
-        raise UserError(
-            f"SLURM's job has {tasks} tasks, and this is a single process: put srun before the "
-            "command, with trainer=ddp trainer.devices=NUMBER of each node, or take one task "
-            "(srun --ntasks=1)."
-        )
 
 
 def synchronise(device: torch.device) -> None:

@@ -18,6 +18,8 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import ClassVar
 
+from tex_lightning.errors import UserError
+
 PARENT = "TEX_LIGHTNING_PARENT"  # number of the process that Lightning starts again for each device
 TORCHRUN = "TORCHELASTIC_RUN_ID"
 RANKS = ("RANK", "LOCAL_RANK", "JSM_NAMESPACE_RANK", "WORLD_SIZE", "NODE_RANK", "GROUP_RANK")
@@ -73,6 +75,28 @@ def started_processes() -> int | None:
 def slurm_tasks() -> int:
     """Return the number of tasks of SLURM's job or step; 1 where one types commands, or outside."""
     return 1 if os.environ.get("SLURM_JOB_NAME") in INTERACTIVE else _number("SLURM_NTASKS", 1)
+
+
+def check_started(processes: int) -> None:
+    """Reject a training for which another number of processes was started than train together.
+
+    Raises:
+        UserError: With the way to start them.
+    """
+    started, tasks = started_processes(), slurm_tasks()
+    if started not in (None, processes) and not is_launched():
+        starter = "torchrun" if is_torchrun() else "srun"
+        raise UserError(
+            f"{starter} has started {started} processes, and this run trains with {processes}: "
+            f"give trainer=ddp trainer.devices=NUMBER (and trainer.num_nodes) so that there are "
+            f"{started}, or start one process."
+        )
+    if started is None and tasks > 1 and not is_launched():
+        raise UserError(
+            f"SLURM's job has {tasks} tasks, and this is a single process: put srun before the "
+            "command, with trainer=ddp trainer.devices=NUMBER of each node, or take one task "
+            "(srun --ntasks=1)."
+        )
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from filelock import FileLock, Timeout
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import OmegaConf
 
 from tex_lightning.core.files import read_or_empty, read_record, unwritable, write_text
 from tex_lightning.errors import UserError, listed
@@ -29,8 +29,7 @@ NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
 USUAL = ("outputs", "TASK", "MODEL-DATA", "TIME")  # folders that a run makes if it is given none
 WORK = ("checkpoints", "folds", "systems", "predictions", RESULTS)
 
-TRAINS = ("fit", "crossval")  # tasks that take no checkpoint
-LISTED, LONGEST = 3, 60  # systems in the name of a folder, and letters of one
+LONGEST = 60  # letters of a system in the name of a folder
 
 # Settings that change neither weights nor figures; a run may be continued with others.
 FREE_KEYS = (
@@ -134,21 +133,6 @@ def _is_beside(key: str, settings: dict[str, Any], earlier: dict[str, Any]) -> b
     target = f"model.{name}._target_"
     known = (target in settings) == (target in earlier)
     return section == "model" and not known and name not in used
-
-
-def subject(*, _root_: DictConfig) -> str:
-    """Return what a run works on, for its folder.
-
-    That are the systems of a stability test, a family of systems, whose checkpoint is taken, or
-    the configured model. OmegaConf gives the whole configuration.
-    """
-    task, source = _root_.task, OmegaConf.select(_root_, "checkpoint")
-    if task == "stability" and (systems := OmegaConf.select(_root_, "stability.systems")):
-        names = [] if isinstance(systems, str) else [system_name(str(system)) for system in systems]
-        return "+".join(names) if 0 < len(names) <= LISTED else f"{len(names)}_systems"
-    if task == "frontier":
-        return str(OmegaConf.select(_root_, "hydra.runtime.choices.frontier"))
-    return str(_root_.model.name) if source is None or task in TRAINS else system_name(source)
 
 
 def system_name(source: str | Path) -> str:

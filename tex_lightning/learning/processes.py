@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from tex_lightning.config import Config, Job
 from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.config.tasks import TRAINING
-from tex_lightning.core.ranks import joining, started_processes
+from tex_lightning.core.ranks import check_started, joining, started_processes
 from tex_lightning.errors import UserError
 
 
@@ -37,7 +37,7 @@ def set_devices(config: Config) -> int:
     with quick_import():
         import torch
 
-        from tex_lightning.core.devices import check_started, count_processes, keep_memory, use_tf32
+        from tex_lightning.core.devices import count_processes, keep_memory, use_tf32
 
     threads = config.trainer.threads
     if threads is None and config.task == "stream" and "OMP_NUM_THREADS" not in os.environ:

@@ -9,8 +9,9 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.card import Card
 from tex_lightning.config import Config
 from tex_lightning.config.model import FUSION, kind_of
+from tex_lightning.config.tasks import TRAINING
 from tex_lightning.core.devices import pick_device
-from tex_lightning.core.run_folder import SUFFIX, TRAINS, run_of
+from tex_lightning.core.run_folder import SUFFIX, run_of
 from tex_lightning.data.folds import make_samples
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
@@ -109,7 +110,7 @@ def _load(
 def _names(path: Path, card: Card) -> tuple[str, str]:
     """Return the name of a system, and that for readers: of its model, or of a part of that."""
     settings = run_settings(path if path.is_dir() else run_of(path))
-    model = settings.get("model.name") if settings.get("task") in TRAINS else None
+    model = settings.get("model.name") if settings.get("task") in TRAINING else None
     if model and kind_of(settings["model.senses"]) == card.kind:
         return model, model_label(model)
     if baseline := card.baseline.get("name"):
