@@ -14,8 +14,8 @@ from tex_lightning import tasks
 from tex_lightning.config import CONF, TASKS, Config, flatten
 from tex_lightning.config.check import check_config, missing_keys, read_config
 from tex_lightning.config.composition import compose_config, split_flags
-from tex_lightning.config.help_text import config_groups
 from tex_lightning.config.nodes import walk
+from tex_lightning.config.user_folders import config_groups
 from tex_lightning.errors import UserError
 
 LONG = "a" * 100_000

@@ -5,7 +5,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from tex_lightning.config import CONF, register, variants
-from tex_lightning.config.help_text import config_groups
+from tex_lightning.config.user_folders import config_groups
 from tex_lightning.perturbations.table import trainable
 from tex_lightning.report.table import paper_tables
 

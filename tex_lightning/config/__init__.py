@@ -17,7 +17,6 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
 from hydra.core.config_store import ConfigStore
 from hydra.core.plugins import Plugins
 from omegaconf import DictConfig, OmegaConf
@@ -40,7 +39,7 @@ from tex_lightning.config.tasks import (
     Task,
     TrainerConfig,
 )
-from tex_lightning.config.user_folders import CONF, UserFolders
+from tex_lightning.config.user_folders import CONF, UserFolders, variants
 from tex_lightning.core.run_folder import system_name
 
 __all__ = [
@@ -51,8 +50,6 @@ __all__ = [
 
 SCHEMA = "tex_lightning_schema"  # the first of the defaults in conf/config.yaml
 LISTED = 3  # systems in the name of a run folder
-VARIANTS = CONF / "variants.yaml"
-LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # of a library that may lack its quick one
 
 
 @section
@@ -106,8 +103,8 @@ class Config:
         files = {"haptic": self.haptic, "image": self.image, "sound": self.sound, **self.own}
         return {modality: value for modality, value in files.items() if value is not None}
 
-    def on_fold(self, fold: int) -> "Config":
-        """Copy it with another test fold."""
+    def on_fold(self, fold: int | None) -> "Config":
+        """Copy it with another test fold, or with none."""
         return replace(self, data=replace(self.data, test_fold=fold))
 
     @property
@@ -218,13 +215,6 @@ def subject(*, _root_: DictConfig) -> str:
     if task == "frontier":
         return str(OmegaConf.select(_root_, "hydra.runtime.choices.frontier"))
     return str(_root_.model.name) if source is None or task in TRAINING else system_name(source)
-
-
-@cache
-def variants() -> dict[str, DictConfig]:
-    """Return the options of a few lines by GROUP/NAME, which have no file of their own."""
-    nodes = OmegaConf.create(yaml.load(VARIANTS.read_text(encoding="utf-8"), LOADER))
-    return {f"{group}/{name}": nodes[group][name] for group in nodes for name in nodes[group]}
 
 
 @cache  # Hydra copies it; made anew it would be a sixth of every composition

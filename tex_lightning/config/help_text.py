@@ -2,17 +2,16 @@
 
 import textwrap
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning import __version__
-from tex_lightning.config import CONF, TASKS, Config, variants
+from tex_lightning.config import CONF, TASKS, Config
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.keys import typed
 from tex_lightning.config.nodes import walk
-from tex_lightning.config.user_folders import user_folders
+from tex_lightning.config.user_folders import config_groups
 
 WIDTH = 79
 ALL = "--help=all"
@@ -70,26 +69,6 @@ def _tasks() -> Iterator[str]:
         comments = [line[2:] for line in text.splitlines() if line.startswith("# ")]
         said = " ".join(line for line in comments if not line.startswith("@"))
         yield f"  {task:<11}{said.partition('. ')[0].rstrip('.')}"
-
-
-def config_groups() -> dict[str, list[str]]:
-    """Return options of every configuration group, the user's behind those of the package."""
-    groups: dict[str, list[str]] = {}
-    names = sorted([*variants(), *_files(CONF)])
-    for name in [*names, *(each for folder in user_folders() for each in _files(folder))]:
-        group, _, option = name.partition("/")
-        hidden = group in ("hydra", "debug") and "/" in option  # not a person's to choose
-        hidden |= option.rpartition("/")[2] == "base"
-        if not hidden and option not in groups.get(group, ()):
-            groups.setdefault(group, []).append(option)
-    return groups
-
-
-def _files(folder: Path) -> list[str]:
-    """Return GROUP/OPTION of every configuration file in a folder."""
-    files = sorted(folder.rglob("*.yaml"))
-    names = [file.relative_to(folder).with_suffix("").as_posix() for file in files]
-    return [name for name in names if "/" in name]
 
 
 def _listing(config: DictConfig) -> str:

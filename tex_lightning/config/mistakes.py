@@ -17,8 +17,7 @@ from omegaconf.errors import (
 from yaml import YAMLError
 
 from tex_lightning.config import CONF, READ_FILES
-from tex_lightning.config.help_text import config_groups
-from tex_lightning.config.user_folders import named_folders, user_folders
+from tex_lightning.config.user_folders import config_groups, named_folders, user_folders
 from tex_lightning.core.contract import fault_of, rejected_by_library
 from tex_lightning.core.files import UNWRITABLE, unwritable
 from tex_lightning.errors import UserError, nearest, reason, shorten

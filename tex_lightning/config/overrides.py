@@ -15,8 +15,8 @@ from hydra.errors import HydraException
 from omegaconf import OmegaConf
 
 from tex_lightning.config import Config, flatten
-from tex_lightning.config.help_text import config_groups
 from tex_lightning.config.model import ModelConfig
+from tex_lightning.config.user_folders import config_groups
 from tex_lightning.errors import UserError, nearest, shorten
 from tex_lightning.text import to_json
 

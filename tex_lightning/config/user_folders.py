@@ -1,4 +1,4 @@
-"""Find the configuration folders: of the package, of the user and of installed plug-ins.
+"""Find configuration folders and their options: of the package, the user and installed plug-ins.
 
 The user's are those of ``--config-dir``, and a plug-in's is the ``conf`` of an installed package
 with an entry point in the group ``tex_lightning.plugins``. Senses are also found in
@@ -10,13 +10,15 @@ import sys
 from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from functools import lru_cache
+from functools import cache, lru_cache
 from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
 
+import yaml
 from hydra.core.config_search_path import ConfigSearchPath
 from hydra.plugins.search_path_plugin import SearchPathPlugin
+from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config.model import ModelConfig
 from tex_lightning.errors import UserError, shorten
@@ -25,6 +27,8 @@ from tex_lightning_runtime.files import expanded
 INSIDE = Path(__file__).parents[1] / "conf"  # in an installed wheel
 BESIDE = Path(__file__).parents[2] / "conf"  # in a checkout
 CONF = INSIDE if INSIDE.is_dir() else BESIDE
+VARIANTS = CONF / "variants.yaml"
+LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # of a library that may lack its quick one
 ENTRY_POINTS = "tex_lightning.plugins"
 FLAG = "--config-dir"  # Hydra's
 
@@ -116,6 +120,33 @@ def user_folders() -> list[Path]:
     homes = (home for spec in specs for home in (spec and spec.submodule_search_locations) or ())
     folders = (Path(home) / "conf" for home in homes)
     return [*_GIVEN, *(folder for folder in folders if folder.is_dir())]
+
+
+@cache
+def variants() -> dict[str, DictConfig]:
+    """Return the options of a few lines by GROUP/NAME, which have no file of their own."""
+    nodes = OmegaConf.create(yaml.load(VARIANTS.read_text(encoding="utf-8"), LOADER))
+    return {f"{group}/{name}": nodes[group][name] for group in nodes for name in nodes[group]}
+
+
+def config_groups() -> dict[str, list[str]]:
+    """Return options of every configuration group, the user's behind those of the package."""
+    groups: dict[str, list[str]] = {}
+    names = sorted([*variants(), *_files(CONF)])
+    for name in [*names, *(each for folder in user_folders() for each in _files(folder))]:
+        group, _, option = name.partition("/")
+        hidden = group in ("hydra", "debug") and "/" in option  # not a person's to choose
+        hidden |= option.rpartition("/")[2] == "base"
+        if not hidden and option not in groups.get(group, ()):
+            groups.setdefault(group, []).append(option)
+    return groups
+
+
+def _files(folder: Path) -> list[str]:
+    """Return GROUP/OPTION of every configuration file in a folder."""
+    files = sorted(folder.rglob("*.yaml"))
+    names = [file.relative_to(folder).with_suffix("").as_posix() for file in files]
+    return [name for name in names if "/" in name]
 
 
 def check_text(arguments: Sequence[object]) -> None:

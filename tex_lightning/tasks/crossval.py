@@ -48,7 +48,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     """Run all folds, or those in ``crossval.only``, and return the pooled results."""
     refits = config.crossval.refit
     chosen = chosen_folds(config.data.folds, config.crossval.only)
-    whole = replace(config, data=replace(config.data, test_fold=None))
+    whole = config.on_fold(None)
     divisions = [config.on_fold(fold).data for fold in chosen] + [whole.data] * refits
     dataset = open_and_show(config, job.directory, divisions)
     for division in divisions:  # before time is spent on the first
