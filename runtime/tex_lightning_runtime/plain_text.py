@@ -5,11 +5,13 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+from tex_lightning_runtime.cells import NUMBER, WHOLE
 from tex_lightning_runtime.files import has_long_line
 from tex_lightning_runtime.times import TableError
 
 MAX_TEXT = 1 << 29  # bytes of a file
 HEAD = 1 << 18  # bytes in which the numbers begin
+LONG_LINE = 1 << 14  # bytes, of more numbers than a sample has
 FIRST = 64  # of a file, in which NULs are none of a power failure
 BRACKETS = 3  # lines with nothing else, of an array of JSON with an element a line
 BINARY = {
@@ -184,6 +186,28 @@ def _utf8(content: bytes) -> bytes:
             encoding = detect(told)["encoding"] or encoding
         return content.decode(encoding, "replace").encode()
     return content
+
+
+def with_long_lines_as_columns(content: bytes) -> tuple[bytes, int]:
+    """Return the content with lines too long for a sample as columns, and their number.
+
+    They are axes, as of an array (axes, samples). The number is 0 where they stay lines: where not
+    all are of as many numbers, a name aside, or each has a label, a whole number beside fractions.
+    """
+    if len(content) <= LONG_LINE or b"\n" in content[:LONG_LINE]:
+        return content, 0
+    lines = content.decode(errors="replace").strip().split("\n")
+    for separator in ("\t", ";", None, ","):
+        rows = [[*map(str.strip, line.strip(separator).split(separator))] for line in lines]
+        numbers = all(NUMBER.fullmatch(cell) for row in rows for cell in row[1:])
+        if len({*map(len, rows)}) == 1 and len(rows[0]) > len(rows) and numbers:
+            break
+    else:
+        return content, 0
+    for end in (0, -1):
+        if all(map(WHOLE.fullmatch, (row[end] for row in rows))) and "." in rows[0][1]:
+            return content, 0
+    return "\n".join(map("\t".join, zip(*rows, strict=True))).encode(), len(rows)
 
 
 def without_comments(content: bytes) -> bytes:

@@ -22,7 +22,7 @@ from tex_lightning_runtime.column import Column
 from tex_lightning_runtime.columns import Reading, separate
 from tex_lightning_runtime.heading import mismatch
 from tex_lightning_runtime.layout import Layout, find_layout
-from tex_lightning_runtime.plain_text import read_plain
+from tex_lightning_runtime.plain_text import read_plain, with_long_lines_as_columns
 from tex_lightning_runtime.samples import Array, Channels
 from tex_lightning_runtime.times import STAMP, TableError
 
@@ -54,7 +54,8 @@ def read_table(path: Path, channels: Channels = None, time_unit: str | None = No
         ModuleNotFoundError: If the libraries are not there.
     """
     pandas = _library()
-    content, layout = find_layout(read_plain(path))
+    content, long_lines = with_long_lines_as_columns(read_plain(path))
+    content, layout = find_layout(content)
     frame, notes = _parse(pandas, content, layout), layout.notes
     if layout.names and {*frame.iloc[0].dropna()} == {len(frame) - 1}:  # the number of samples
         frame = frame[1:].reset_index(drop=True)
@@ -66,7 +67,10 @@ def read_table(path: Path, channels: Channels = None, time_unit: str | None = No
         if _are_titles(frame[0]):
             layout, frame = replace(layout, names=(*frame[0].astype(str),)), frame.drop(columns=0)
         frame = frame.T.reset_index(drop=True).infer_objects()
-        notes = (*notes, f"each of its {rows} lines is read as an axis of {len(frame)} samples")
+        long_lines = rows
+    if long_lines:
+        read = f"each of its {long_lines} lines is read as an axis of {len(frame)} samples"
+        notes = (*notes, read)
     samples, rate, reading = separate(_columns(frame, layout), channels, time_unit, layout.rate)
     if layout.again and not reading.rate_from.startswith("times in"):
         raise TableError(

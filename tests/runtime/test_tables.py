@@ -1552,6 +1552,46 @@ def test_an_axis_a_line(tmp_path):
     samples, _, reading = read_table(write(tmp_path, text))
     np.testing.assert_allclose(samples, AXES)
     assert reading.notes == (f"each of its 3 lines is read as an axis of {COUNT} samples",)
+
+
+LONG = np.random.default_rng(0).standard_normal((3, 40_000)).round(5)  # of 300 kB a line
+
+
+@pytest.mark.parametrize(
+    ("separator", "decimal", "names"),
+    [
+        (",", ".", ""),
+        (" ", ".", ""),
+        ("\t", ",", ""),
+        (";", ",", ""),
+        (" ", ",", ""),
+        (", ", ".", "xyz"),
+    ],
+)
+def test_an_axis_a_line_of_any_length(tmp_path, separator, decimal, names):
+    cells = [[f"{x:.5f}" for x in axis] for axis in LONG]
+    if names:
+        cells = [[name, *axis] for name, axis in zip(names, cells, strict=True)]
+    lines = [separator.join(axis) for axis in cells]
+    path = write(tmp_path, "\n".join(lines).replace(".", decimal) + "\n")
+    samples, rate, reading = read_table(path)
+    np.testing.assert_allclose(samples, LONG)
+    assert (rate, reading.axes) == (None, tuple(names))
+    assert "each of its 3 lines is read as an axis of 40000 samples" in reading.notes
+
+
+@pytest.mark.parametrize("label", ["first", "last"])
+def test_long_lines_with_a_label_each_are_no_axes(tmp_path, label):
+    lines = [",".join(f"{x:.5f}" for x in axis[:4000]) for axis in LONG] * 4
+    lines = [f"{n % 3},{x}" if label == "first" else f"{x},{n % 3}" for n, x in enumerate(lines)]
+    with pytest.raises(TableError, match="12 recordings of a line by the label"):
+        read_table(write(tmp_path, "\n".join(lines)))
+
+
+def test_long_lines_of_other_lengths_are_refused(tmp_path):
+    lines = [",".join(f"{x:.5f}" for x in LONG[0][:count]) for count in (40_000, 39_000)]
+    with pytest.raises(TableError, match="give one sample a line"):
+        read_table(write(tmp_path, "\n".join(lines)))
     for form in ("0,{}\n", "{},0\n"):  # at rest, which is no label
         text = "".join(form.format(",".join(each)) for each in (*XYZ, *XYZ))
         assert read_table(write(tmp_path, text))[0].shape == (6, COUNT + 1)
