@@ -17,7 +17,7 @@ Array = npt.NDArray[Any]
 
 def deviation(trace: Array) -> float:
     """Return the deviation of a trace (axes, samples) about the means of its axes."""
-    return float(np.sqrt(pixels.power(trace)))
+    return float(np.sqrt(traces.power(trace)))
 
 
 def gain(trace: Array, factor: float, scene: Scene) -> Array:
@@ -127,7 +127,7 @@ def hum(trace: Array, snr: float, scene: Scene, hertz: float = 50, harmonics: in
     orders = [n for n in range(1, harmonics + 1) if n * hertz < scene.rate / 2]
     waves = [np.sin(2 * np.pi * n * (hertz * time + phase)) / n for n in orders]
     tone = np.broadcast_to(np.sum(waves, axis=0), trace.shape) if waves else np.zeros(trace.shape)
-    return trace + pixels.scaled(tone, trace, snr)
+    return trace + traces.scaled(tone, trace, snr)
 
 
 def cut(trace: Array, seconds: float, scene: Scene) -> Array:

@@ -180,8 +180,8 @@ def _classifying(
 def network_inputs(sense: Sense, recording: Tensor, count: int) -> Tensor:
     """Inputs (count, ...) of so many recordings; photos are read as one batch."""
     if sense.medium == "photo":
-        return sense.read(recording.permute(2, 0, 1).expand(count, -1, -1, -1))
-    return torch.cat([sense.read(recording) for _ in range(count)])
+        return sense.compute_features(recording.permute(2, 0, 1).expand(count, -1, -1, -1))
+    return torch.cat([sense.compute_features(recording) for _ in range(count)])
 
 
 def _alone(

@@ -160,13 +160,14 @@ def test_embeddings_tell_classes_apart_that_the_network_tells_apart(bands):
     assert [kinds[nearest] for nearest in distances.argmin(axis=1)] == [*labels[~trained]]
 
 
-def test_errors_and_confused_pairs_can_be_seen_and_heard(fused):
+def test_errors_and_confused_pairs_can_be_seen_and_heard(run_once, tiny, fused):
+    run = run_once("model=haptic", *tiny, "model.haptic.fit.score_shrinkage=null")
     errors = [
-        each for each in read_outcomes(fused / "predictions" / "haptic.csv")
+        each for each in read_outcomes(run / "predictions" / "haptic.csv")
         if each.label != each.predicted
     ]  # fmt: skip
     assert errors, "the smallest training makes none"
-    events = runs(fused)["tensorboard/1-haptic"]
+    events = runs(run)["tensorboard/1-haptic"]
     images, audio = events.Tags()["images"], events.Tags()["audio"]
     shown = [tag for tag in images if tag.startswith("worst samples/")]
     for each in errors:

@@ -3,12 +3,16 @@
 import json
 import re
 
+from tex_lightning.core.console import console
 from tex_lightning.report.data_page import data_tables
 
 TRACES = "30 files; 2.4 s each, 72 in all; 10 of a class; 30 groups; 1 axis; 10,000 Hz"
 
 
-def test_the_opening_says_rate_axes_and_what_is_trained_and_tested(cli, tiny, tmp_path):
+def test_the_opening_says_rate_axes_and_what_is_trained_and_tested(
+    cli, tiny, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(console, "width", 120)
     fit = ["model=mfcc_nb", *tiny, "logger=csv"]
     said = cli(*fit, f"hydra.run.dir={tmp_path}/a").err
     lines = dict(re.findall(r"^(\w+) +(\S.*)$", said, re.MULTILINE))

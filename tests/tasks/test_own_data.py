@@ -8,6 +8,8 @@ import pytest
 from conftest import make_photo, make_trace
 from PIL import Image
 
+from tex_lightning.core.console import console
+
 FOLDS = 4
 TINY = ("debug=tiny", "trainer.threads=1", "logger=csv", f"data.folds={FOLDS}")
 
@@ -63,7 +65,8 @@ def results(tmp_path: Path, name: str = "run") -> dict:
     return json.loads((tmp_path / name / "results.json").read_text())
 
 
-def test_mixed_rates_are_told_apart_and_said_first(cli, mixed, tmp_path):
+def test_mixed_rates_are_told_apart_and_said_first(cli, mixed, tmp_path, monkeypatch):
+    monkeypatch.setattr(console, "width", 120)
     stamp(mixed / "gamma" / "Haptic")
     (mixed / "empty").mkdir()
     (mixed / "alpha" / "stray.wav").write_text("x")

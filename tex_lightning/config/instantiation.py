@@ -185,6 +185,7 @@ BASES = {
     "tex_lightning.baselines.base.Baseline",
 }
 MODULE = "torch.nn.modules.module.Module"
+FITTED_LATER = "tex_lightning.networks.blocks.FittedLater"  # base of parts of others
 _TRUSTED: set[str] = set()  # packages and single classes, of the whole process
 
 
@@ -209,7 +210,8 @@ def named_classes(node: object) -> Iterator[str]:
 def own_part(target: str) -> type[Any] | None:
     """Return the class of this package that a card may name so, or None.
 
-    That is a sense, trunk or baseline, a module of features, or a network, which has ``features``;
+    That is a sense, trunk or baseline, a module of features, which is called on recordings and no
+    part of another, or a network, which has ``features``;
     named where it is defined, and no base of others. Nothing but these packages is imported.
     """
     module, _, name = target.rpartition(".")
@@ -224,7 +226,8 @@ def own_part(target: str) -> type[Any] | None:
     if not isinstance(cls, type) or f"{cls.__module__}.{cls.__qualname__}" != target:
         return None
     bases = {f"{base.__module__}.{base.__qualname__}" for base in cls.__mro__[1:]}
-    is_features = target.startswith(f"{PACKAGE}senses.features.")
+    is_features = target.startswith(f"{PACKAGE}senses.features.") and "forward" in vars(cls)
+    is_features = is_features and FITTED_LATER not in bases
     is_network = target.startswith(f"{PACKAGE}networks.") and hasattr(cls, "features")
     known = bases & BASES or (MODULE in bases and (is_features or is_network))
     return cls if known and not inspect.isabstract(cls) else None

@@ -5,6 +5,7 @@ import { InputError } from "./errors.js";
 
 const EVEN = 0.01; // of a step, up to which samples stay as they are
 const MISSING = 2.5; // steps, above which samples are missing
+const SELDOM = 0.1; // of the steps, which are several where samples were lost
 const MAX_FILLED = 2; // times as many samples, beyond which most would be made up
 const RATES = [19, 210_000]; // Hz, that a signal may have
 const EPOCHS = [1, 1e-3, 1e-6, 1e-9]; // seconds of one, since 1970
@@ -63,7 +64,7 @@ function evenSamples(times, axes) {
     throw new InputError(`its times do not rise at sample ${fall + 1}`);
   }
   const middle = median(steps);
-  const gaps = steps.filter((each) => each > MISSING * middle);
+  const gaps = gapsOf(steps, middle);
   const span = times.at(-1) - times[0];
   const step = (span - gaps.reduce((sum, each) => sum + each, 0)) / (steps.length - gaps.length);
   const rate = 1 / step;
@@ -75,6 +76,16 @@ function evenSamples(times, axes) {
     throw new InputError("its times have gaps, so that most samples are missing");
   }
   return { channels: axes.map((axis) => interpolate(times, axis, step, count)), rate };
+}
+
+/** Steps that are gaps: if all are multiples of one, those of more than this one. */
+function gapsOf(steps, middle) {
+  const even = steps.every(
+    (each) => Math.abs(each - Math.round(each / middle) * middle) < EVEN * middle,
+  );
+  const several = steps.filter((each) => Math.round(each / middle) > 1);
+  const lost = even && several.length < SELDOM * steps.length;
+  return lost ? several : steps.filter((each) => each > MISSING * middle);
 }
 
 /** Samples at even times, linearly between those of the table. */
