@@ -158,11 +158,12 @@ def _warned(columns: list[Column], axes: list[Column]) -> list[str]:
     """Say of the first axis, or index of fractions, that rises that it was not taken for time."""
     for column in (c for c in columns if len(c.values) > MIN_RISING + 1 and not c.is_text):
         index = column not in axes and column.reason() == "index" and not column.is_whole
-        rises = column.values.is_monotonic_increasing and column.values.is_unique
+        rises = column.values.is_monotonic_increasing and column.values.nunique() > MIN_RISING
         if rises and (index or column in axes):
             how = "left out as an index" if index else "read as an axis"
+            moves = "rises at every sample" if column.values.is_unique else "never falls"
             name = "if it is time, call it time_s in the line of names, or time_us by its unit"
-            return [f"{column.title} rises at every sample and is {how}; {name}"]
+            return [f"{column.title} {moves} and is {how}; {name}"]
     return []
 
 

@@ -57,7 +57,10 @@ KEYS = re.compile(r"(?m)(?:^[A-Z]+(?:_[A-Z]+)+\b.*\n?){3}\Z")  # MARKER_NAMES
 VALUES = re.compile(r"(?:.*_)?(?:data|values?)\W*", re.IGNORECASE)  # a title of rows
 BEHIND = rb"(?m)^([^#\n]*?[\d.][\"]?)%b *(#(?!N/A|NV\b|[A-Z/0]+[!?])[^\n]*)"  # a row, a remark
 BITS = re.compile(r"[01]{4,32}")
-COMMAS = re.compile(r"\s*(?:[-+]?\d+,\d+(?:e[-+]?\d+)?(?:\s+|$)){2,}", re.I)  # decimal ones
+COMMAS = re.compile(  # decimal ones, two at least
+    r"\s*(?=(?:[^,]*\d,\d){2})(?:[-+]?\d+(?:,\d+)?(?:e[-+]?\d+)?(?:\s+|$)){2,}(?:[A-Za-z]\w*\s*)?",
+    re.I,
+)
 MIXED = re.compile(r"(?=.*\t).*?\.\d+ +[-+]?\d*\.\d")  # a tab, and blanks between numbers
 RULE = "-+=|,;: \t"  # of which lines between others consist
 EMPTY = re.compile(rb"\n\n+")  # lines

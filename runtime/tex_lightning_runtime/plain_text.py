@@ -84,7 +84,8 @@ WRAPPED = (  # rows in brackets, or in quotes around several cells, or with a ma
         rb'(?m)^"(?=[^"\n;\t]*[;\t]|[^"\n.]*\.[^"\n,]*,[^"\n.]*\.|[^"\n]*[A-Za-z)],)'
         rb'([^"\n]*)"[ \t]*$'
     ),
-    re.compile(rb"(?m)^(?=[^,;\n]*,[^,;\n]*,)([^;\n]*+);[ \t]*$"),
+    re.compile(rb"(?m)^(?=[^,;\n]*,[^,;\n]*,|[^;\n]*\d[ \t|]+[-+.\d])([^;\n]*+);[ \t]*$"),
+    re.compile(rb"(?m)^(?=[^,\n]*\d[ \t|;]+[-+.\d])([^,\n]*+),[ \t]*$"),
 )
 VALUE = re.compile(  # and its unit, and what else stands before the next that has a name
     rb"\x1f[\"']?([^\s;|\"'}\]\x1f]*[^\s,;|\"'}\])\x1f](?: [A-Za-z%\x80-\xff][^\s,;|\"'}\]:=]*)?)"

@@ -815,6 +815,16 @@ READ = {
         for form in ('imu/acc {{"x": {}, "y": {}, "z": {}}}\n', "Acc(x={}, y={}, z={})\n")
     },
     "semicolons at the ends of lines with commas": (table(*XYZ, end=";\n"), None),
+    "semicolons at the ends of lines with tabs": (
+        table(times(), *XYZ, mark="\t", end=";\n", names="t (s)\tx\ty\tz\n"), RATE
+    ),
+    "semicolons at the ends of lines with blanks": (table(*XYZ, mark=" ", end=";\n"), None),
+    "commas at the ends of lines with bars": (
+        table(*XYZ, mark="|", end=",\n", names="x|y|z\n"), None
+    ),
+    "blanks, decimal commas, a counter and a label": (
+        table(COUNTER, *XYZ, WORDS, mark=" ", comma=True, names="index x y z label\n"), None
+    ),
     **{
         f"since 1970, {form!r}": ("".join(
             f"{1_772_359_200 + t:.6f}{form.format(a, b, c)}\n"
@@ -1391,6 +1401,10 @@ TOLD = {
     "times that are not quite even": (
         table(column(TIMES + RNG.uniform(0, 1e-4, COUNT), "{:.6f}"), *XYZ),
         "column 1 rises at every sample and is read as an axis; if it is time, call it time_s",
+    ),
+    "times that repeat": (
+        table(column(np.floor(TIMES * 500) / 500, "{:.3f}"), *XYZ),
+        "column 1 never falls and is read as an axis; if it is time, call it time_s",
     ),
     "a divided rate": (
         "Sample Rate: 8000 Hz\nDecimation: 4\nx,y\n" + table(X, Y),
