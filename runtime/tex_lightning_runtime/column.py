@@ -79,7 +79,7 @@ MIN_RISING = 8  # samples; fewer numbers may rise by chance
 OFTEN = 0.1  # of the samples, at which a label or text changes if rows take turns
 BOTH_WAYS = 0.25  # of the steps rise, and more fall, of a signal such as DE_time, one over time
 USUAL = 0.9  # of the steps of a counter, which may begin anew or miss some
-WITHIN = re.compile(r"\d[.,]\d|^\[\d+\]$|([]:>] ?|\d )-?\d+$")  # numbers within text
+WITHIN = re.compile(r"\d[.,]\d|^\[\d+\]$|([]:>,;=|] ?|\d )-?\d+\s*$")  # numbers within text
 GLUED = ("time", "timestamp", "zeit", "gpstow")  # unixtime
 UNNAMED = re.compile(r"(unnamed: \d+(_level_\d+)?(\.\d+)?)?")
 

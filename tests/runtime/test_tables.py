@@ -1140,6 +1140,13 @@ REFUSED = {
     "numbers within text": (
         table(Y, [f"acc {x}" for x in X], names="x,y\n"), "a number within text; write numbers"
     ),
+    "numbers behind another separator than the others": (
+        table([f"$ACC,{n}" for n in COUNTER], *XYZ, mark=";"), "ACC,0' in column 1, a number within text"
+    ),
+    "one column of decimal commas between blanks": (
+        "".join(f"{n / 2:.1f} {n % 7} {n % 5} \n".replace(".", ",") for n in range(COUNT)),
+        "a number within text; write numbers alone",
+    ),
     "times of few stamps": (
         table(clock("%H:%M:%S"), *XYZ, names="time,x,y,z\n"), "too coarse for the rate; delete"
     ),
