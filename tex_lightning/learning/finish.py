@@ -237,7 +237,8 @@ def calibrate(
 
     Returns:
         ``calibration`` of the card, and the validation loss. That is the given one of the best
-        epoch; if it is None, since no step was taken, it is measured, unless there is no fold.
+        epoch; if it is None, since no step was taken or FC3 is another, it is measured, unless
+        there is no fold.
     """
     card, samples = classifier.card, make_samples(parts.val, classifier.card.modalities)
     fast, scores, validated = accelerate(classifier, engine), [], []
