@@ -127,7 +127,7 @@ def test_refitted_scores_are_scikit_learns_discriminants_and_as_confident_as_bef
 ):
     classifier, features = with_embeddings([9, 9, 9], spread=1)
     before = centred_scores(classifier, features)
-    refit_scores(classifier, shrinkage)
+    assert refit_scores(classifier, shrinkage)
     after = centred_scores(classifier, features)
     labels = [row.label for row in classifier.trained_embeddings["haptic"][0]]
     # scikit-learn's share of the mean variance is of a sum of both, which changes the size alone
@@ -154,7 +154,7 @@ def test_scores_are_refitted_where_one_class_has_a_single_recording():
 def test_scores_stay_as_trained_where_nothing_tells_how_recordings_differ(counts, spread):
     classifier, features = with_embeddings(counts, spread)
     before = centred_scores(classifier, features)
-    refit_scores(classifier, 3.0)
+    assert not refit_scores(classifier, 3.0)
     np.testing.assert_array_equal(centred_scores(classifier, features), before)
 
 
@@ -162,5 +162,5 @@ def test_scores_whose_weights_are_computed_stay_as_trained():
     classifier, features = with_embeddings([5, 5, 5], spread=1)
     weight_norm(classifier.network.score_layer)
     before = centred_scores(classifier, features)
-    refit_scores(classifier, 3.0)
+    assert not refit_scores(classifier, 3.0)
     np.testing.assert_array_equal(centred_scores(classifier, features), before)

@@ -95,7 +95,7 @@ def set_statistics(
 
 
 @torch.no_grad()
-def refit_scores(classifier: SurfaceClassifier, shrinkage: float) -> None:
+def refit_scores(classifier: SurfaceClassifier, shrinkage: float) -> bool:
     """Replace FC3 of a trained network by linear discriminants (Fisher 1936), in closed form.
 
     A network that fits every fragment of its few training recordings has nothing left to learn of
@@ -109,14 +109,17 @@ def refit_scores(classifier: SurfaceClassifier, shrinkage: float) -> None:
         classifier: Of a single sense, after :func:`set_statistics`.
         shrinkage: Added to the variance of every feature within the classes, as a multiple of
             their mean.
+
+    Returns:
+        Whether FC3 is another.
     """
     ((name, (recordings, features)),) = classifier.trained_embeddings.items()
     layer: Any = score_layer_of(classifier.senses[name].network)
     classes = classifier.card.classes
     if layer is None or not isinstance(layer.weight, nn.Parameter):
-        return
+        return False
     if len(recordings) < MIN_RECORDINGS * len(classes):
-        return
+        return False
     labels = torch.tensor(class_indices([row.label for row in recordings], classes))
     rows = features.double().cpu()
     coefficients, intercept = discriminants(rows, labels, len(classes), shrinkage)
@@ -124,10 +127,11 @@ def refit_scores(classifier: SurfaceClassifier, shrinkage: float) -> None:
     centred = [x - x.mean(dim=1, keepdim=True) for x in (trained, rows @ coefficients + intercept)]
     factor = float(centred[0].norm() / centred[1].norm())
     if not 0 < factor < math.inf:
-        return
+        return False
     coefficients -= coefficients.mean(dim=1, keepdim=True)  # what all classes have in common
     layer.weight.copy_((factor * coefficients.T).reshape(layer.weight.shape))
     layer.bias.copy_(factor * (intercept - intercept.mean()))
+    return True
 
 
 def statistics_with_reach(
