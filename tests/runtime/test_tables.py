@@ -1141,7 +1141,8 @@ REFUSED = {
         table(Y, [f"acc {x}" for x in X], names="x,y\n"), "a number within text; write numbers"
     ),
     "numbers behind another separator than the others": (
-        table([f"$ACC,{n}" for n in COUNTER], *XYZ, mark=";"), "ACC,0' in column 1, a number within text"
+        table([f"$ACC,{n}" for n in COUNTER], *XYZ, mark=";"),
+        "ACC,0' in column 1, a number within text",
     ),
     "one column of decimal commas between blanks": (
         "".join(f"{n / 2:.1f} {n % 7} {n % 5} \n".replace(".", ",") for n in range(COUNT)),
