@@ -6,11 +6,12 @@ which refuses what they would: tensors in two places, float64, generators of the
 
 import json
 from copy import deepcopy
+from pathlib import Path
 
 import pytest
 import second_device as stand_in
 import torch
-from conftest import make_card, make_photo, make_trace, trunk_node
+from conftest import CLASSES, make_card, make_photo, make_trace, trunk_node
 
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
@@ -19,9 +20,11 @@ from tex_lightning.config.check import read_config
 from tex_lightning.config.composition import compose_config
 from tex_lightning.core import devices
 from tex_lightning.core.devices import computing_device
+from tex_lightning.data.recordings import Recording
 from tex_lightning.inference.early_stopping import make_inference_model
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.stream import LiveStream
+from tex_lightning.learning.finish import refit_scores
 from tex_lightning.networks.trunks import TRUNKS
 
 PAPER = {"axes": "trace", "scale": "linear", "normalisation": "paper", "norm": "lrn"}
@@ -122,6 +125,21 @@ def test_a_copy_is_accelerated_where_it_is_if_the_device_has_float64(monkeypatch
     for name, values in found.state_dict().items():
         assert values.device.type == stand_in.NAME
         assert torch.equal(values.cpu(), expected[name])
+
+
+def test_fc3_is_refitted_there_though_the_device_has_no_float64():
+    layers = []
+    for device in (torch.device("cpu"), stand_in.register()):
+        torch.manual_seed(0)
+        classifier = make_classifier(make_card("haptic", width=0.1)).to(device)
+        labels = [label for label in CLASSES for _ in range(5)]
+        rows = [Recording(label, "haptic", Path(f"{n}"), n) for n, label in enumerate(labels)]
+        features = torch.randn(len(rows), classifier.network.score_layer.in_channels)
+        classifier.trained_embeddings["haptic"] = rows, features
+        assert refit_scores(classifier, 3.0)
+        layers.append([x.detach().cpu() for x in classifier.network.score_layer.parameters()])
+    for near, far in zip(*layers, strict=True):
+        torch.testing.assert_close(far, near)
 
 
 class Pooled(torch.nn.Module):

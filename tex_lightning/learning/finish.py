@@ -121,9 +121,9 @@ def refit_scores(classifier: SurfaceClassifier, shrinkage: float) -> bool:
     if len(recordings) < MIN_RECORDINGS * len(classes):
         return False
     labels = torch.tensor(class_indices([row.label for row in recordings], classes))
-    rows = features.double().cpu()
+    rows = features.cpu().double()
     coefficients, intercept = discriminants(rows, labels, len(classes), shrinkage)
-    trained = rows @ layer.weight.double().cpu().flatten(1).T + layer.bias.double().cpu()
+    trained = rows @ layer.weight.cpu().double().flatten(1).T + layer.bias.cpu().double()
     centred = [x - x.mean(dim=1, keepdim=True) for x in (trained, rows @ coefficients + intercept)]
     factor = float(centred[0].norm() / centred[1].norm())
     if not 0 < factor < math.inf:
