@@ -6,12 +6,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 from tex_lightning_runtime.cells import NUMBER, WHOLE
-from tex_lightning_runtime.files import has_long_line
+from tex_lightning_runtime.files import MAX_LINE, has_long_line
 from tex_lightning_runtime.times import TableError
 
 MAX_TEXT = 1 << 29  # bytes of a file
 HEAD = 1 << 18  # bytes in which the numbers begin
 LONG_LINE = 1 << 14  # bytes, of more numbers than a sample has
+OF_NUMBERS = b"0123456789+-.,;eE \t\r\n"  # letters of numbers and between them
+LONGEST_NAME = 200  # bytes before the numbers of a line
+TOO_LONG = "has a line of more than 1 MiB; give one sample a line"
 FIRST = 64  # of a file, in which NULs are none of a power failure
 BRACKETS = 3  # lines with nothing else, of an array of JSON with an element a line
 BINARY = {
@@ -159,8 +162,11 @@ def check_size(path: Path) -> None:
     """Reject a file that would take all memory, before it is read."""
     if (size := path.stat().st_size) > MAX_TEXT:
         raise TableError(f"is {size:,} bytes of text, more than {MAX_TEXT:,}; save it as WAV")
-    if has_long_line(path):
-        raise TableError("has a line of more than 1 MiB; give one sample a line")
+    with path.open("rb") as stream:
+        begin = stream.read(LONG_LINE)
+    of_numbers = b"\n" not in begin and len(begin.translate(None, OF_NUMBERS)) < LONGEST_NAME
+    if not of_numbers and has_long_line(path):
+        raise TableError(TOO_LONG)
 
 
 def _utf8(content: bytes) -> bytes:
@@ -194,9 +200,20 @@ def with_long_lines_as_columns(content: bytes) -> tuple[bytes, int]:
 
     They are axes, as of an array (axes, samples). The number is 0 where they stay lines: where not
     all are of as many numbers, a name aside, or each has a label, a whole number beside fractions.
+
+    Raises:
+        TableError: If lines of more than 1 MiB stay lines.
     """
     if len(content) <= LONG_LINE or b"\n" in content[:LONG_LINE]:
         return content, 0
+    turned, count = _turned(content)
+    if not count and any(len(line) > MAX_LINE for line in content.split(b"\n")):
+        raise TableError(TOO_LONG)
+    return turned, count
+
+
+def _turned(content: bytes) -> tuple[bytes, int]:
+    """Return lines of numbers as columns, as :func:`with_long_lines_as_columns` does."""
     lines = content.decode(errors="replace").strip().split("\n")
     for separator in ("\t", ";", None, ","):
         rows = [[*map(str.strip, line.strip(separator).split(separator))] for line in lines]

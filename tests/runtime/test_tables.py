@@ -1602,6 +1602,28 @@ def test_an_axis_a_line_of_any_length(tmp_path, separator, decimal, names):
     assert "each of its 3 lines is read as an axis of 40000 samples" in reading.notes
 
 
+def test_an_axis_a_line_as_numpy_writes_it(tmp_path):
+    """Of 1.2 MiB a line."""
+    axes = np.resize(LONG, (2, 50_000))
+    np.savetxt(tmp_path / "a.txt", axes)
+    np.testing.assert_allclose(read_table(tmp_path / "a.txt")[0], axes, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1" * (1 << 21),
+        "1.5 " * (1 << 19) + "x",
+        "1.5 " * (1 << 19) + "\n1.5 2.5",
+        "1,2\n" + "a" * (1 << 21),
+    ],
+    ids=["one number", "text at the end", "lines of two lengths", "a short line first"],
+)
+def test_long_lines_that_are_no_axes_are_refused(tmp_path, text):
+    with pytest.raises(TableError, match="has a line of more than 1 MiB; give one sample a line"):
+        read_table(write(tmp_path, text))
+
+
 @pytest.mark.parametrize("label", ["first", "last"])
 def test_long_lines_with_a_label_each_are_no_axes(tmp_path, label):
     lines = [",".join(f"{x:.5f}" for x in axis[:4000]) for axis in LONG] * 4
