@@ -102,6 +102,9 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(group):
             "give one of another name by --config-dir=DIR",
         ),
         (["decision=max"], "does not exist; choose one of max_vote, sequential."),
+        (["data=published/base"], "and none itself; choose one of cluster, folder, kth"),
+        (["experiment=paper/recipe/base"], "and none itself; choose one of best/fusion"),
+        (["recipe=base"], "recipe=base is what options begin with, and none itself; leave it out."),
         (["logger=null"], "an option is a name, or left out by ~GROUP, as in ~logger"),
         (["~model.haptic.fit.schedule"], "cannot be used; it cannot be taken away, give another"),
         (

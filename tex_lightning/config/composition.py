@@ -20,7 +20,12 @@ from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config import CONF, Job, register
 from tex_lightning.config.quoting import as_typed
-from tex_lightning.config.user_folders import check_text, is_added, with_own_senses
+from tex_lightning.config.user_folders import (
+    check_text,
+    config_groups,
+    is_added,
+    with_own_senses,
+)
 from tex_lightning.errors import UserError, reason
 
 NAME = "config"
@@ -40,15 +45,25 @@ def as_composed(overrides: Sequence[str]) -> list[str]:
     """Return overrides as Hydra gets them: names in quotes, and the senses of a user's folders.
 
     Raises:
-        UserError: If a run folder has no name, for which Hydra would take the current folder, or
-            ``hydra.searchpath`` names a folder that is not there.
+        UserError: If a run folder has no name, for which Hydra would take the current folder,
+            ``hydra.searchpath`` names a folder that is not there, or a group is to be what its
+            options begin with.
     """
     check_text(overrides)
     for override in overrides:
         key, _, value = override.partition("=")
         if key in ("hydra.run.dir", "hydra.sweep.dir") and not value.strip(" '\""):
             raise UserError(f"{key} is empty; give a folder, or leave it out.")
+        _check_is_option(key.lstrip("+"), value)
     return with_own_senses(as_typed(overrides))
+
+
+def _check_is_option(group: str, option: str) -> None:
+    """Reject a file of the package that options of a group begin with, and that is none itself."""
+    if option.rpartition("/")[2] == "base" and (CONF / group / f"{option}.yaml").is_file():
+        options = ", ".join(sorted(config_groups().get(group, ())))
+        instead = f"choose one of {options}" if options else "leave it out"
+        raise UserError(f"{group}={option} is what options begin with, and none itself; {instead}.")
 
 
 def run_composed(function: Callable[[DictConfig], Any], overrides: Sequence[str]) -> Any:  # noqa: ANN401
