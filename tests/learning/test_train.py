@@ -140,6 +140,14 @@ def test_fc3_of_a_trained_hapticnet_is_refitted_unless_a_key_says_otherwise(
     assert same(weights(trained), weights(refitted))
 
 
+def test_what_takes_no_step_is_not_refitted(run_once, tiny, tmp_path):
+    run = run_once("model=haptic", *tiny, "trainer.max_epochs=0")
+    training = training_of(run, tmp_path)
+    training.config.model.sense("haptic").fit.score_shrinkage = None
+    expected = load_classifier(checkpoint_of(run, "haptic"))
+    assert same(weights(training.run()), weights(expected))
+
+
 class Stop(Callback):
     def on_train_epoch_start(self, trainer, module) -> None:
         if trainer.current_epoch == 1:

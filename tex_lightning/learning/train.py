@@ -200,8 +200,12 @@ class Training:
                 classifier, parts.train, store, engine, banks,
                 frozen=frozen, closed_form=frozen and fixed,
             )  # fmt: skip
-            shrinkage = None if frozen else module.fit_config.get("score_shrinkage")
-            if shrinkage is not None and refit_scores(classifier, shrinkage):
+            shrinkage = module.fit_config.get("score_shrinkage")
+            if (
+                trainer.global_step
+                and shrinkage is not None
+                and refit_scores(classifier, shrinkage)
+            ):
                 loss = None  # that of the best epoch was of other scores
         for part in classifier.trained_modules():
             layout = torch.contiguous_format
