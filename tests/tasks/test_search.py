@@ -65,6 +65,7 @@ def test_optuna_searches(cli, tiny, tmp_path):
         "hydra/sweeper=optuna", "hydra.sweeper.n_trials=3",
         "hydra.sweeper.n_jobs=1", "hydra.sweeper.sampler.seed=0",
         "model.haptic.fit.learning_rate=interval(0.0001,0.01)",
+        "model.haptic.fit.score_shrinkage=null",
     )  # fmt: skip
     assert outcome.status == 0, outcome.err
     found = min(min(losses(tmp_path / str(job), "haptic")) for job in range(3))
