@@ -79,6 +79,7 @@ PAIR = re.compile(  # name:number or name=number, as plotters of serial ports re
     rb"(?m)(?:^|(?<=[\s,;|{(]))[\"']?((?:[A-Za-z]\w* )?[A-Za-z_\x80-\xff]"
     rb"(?:[\w.\x80-\xff/^-]|\([^()\n]*\))*)[\"']?[ \t]*[:=][ \t]*(?=[\"']?[-+]?\.?\d)"
 )
+NO_THOUSANDS = rb"(?![-+]?[1-9]\d{0,2}(?: \d{3})+(?:[.,]\d*)?[;,][ \t]*$)"  # 1 234,5; of one column
 WRAPPED = (  # rows in brackets, or in quotes around several cells, or with a mark at their end
     re.compile(
         rb"(?m)^[ \t]*(?:[\[({]++|<(?=[-+.\d]))[ \t]*+(.*[^\])}> \t\n])[ \t]*[\])}>]+,?[ \t]*$"
@@ -87,8 +88,10 @@ WRAPPED = (  # rows in brackets, or in quotes around several cells, or with a ma
         rb'(?m)^"(?=[^"\n;\t]*[;\t]|[^"\n.]*\.[^"\n,]*,[^"\n.]*\.|[^"\n]*[A-Za-z)],)'
         rb'([^"\n]*)"[ \t]*$'
     ),
-    re.compile(rb"(?m)^(?=[^,;\n]*,[^,;\n]*,|[^;\n]*\d[ \t|]+[-+.\d])([^;\n]*+);[ \t]*$"),
-    re.compile(rb"(?m)^(?=[^,\n]*\d[ \t|;]+[-+.\d])([^,\n]*+),[ \t]*$"),
+    re.compile(
+        rb"(?m)^%b(?=[^,;\n]*,[^,;\n]*,|[^;\n]*\d[ \t|]+[-+.\d])([^;\n]*+);[ \t]*$" % NO_THOUSANDS
+    ),
+    re.compile(rb"(?m)^%b(?=[^,\n]*\d[ \t|;]+[-+.\d])([^,\n]*+),[ \t]*$" % NO_THOUSANDS),
 )
 VALUE = re.compile(  # and its unit, and what else stands before the next that has a name
     rb"\x1f[\"']?([^\s;|\"'}\]\x1f]*[^\s,;|\"'}\])\x1f](?: [A-Za-z%\x80-\xff][^\s,;|\"'}\]:=]*)?)"
@@ -199,33 +202,26 @@ def with_long_lines_as_columns(content: bytes) -> tuple[bytes, int]:
     """Return the content with lines too long for a sample as columns, and their number.
 
     They are axes, as of an array (axes, samples). The number is 0 where they stay lines: where not
-    all are of as many numbers, a name aside, or each has a label, a whole number beside fractions.
+    all are of as many numbers, a name aside, or all begin or end with a whole number beside a
+    fraction, which may be a label, and in a column a name.
 
     Raises:
         TableError: If lines of more than 1 MiB stay lines.
     """
     if len(content) <= LONG_LINE or b"\n" in content[:LONG_LINE]:
         return content, 0
-    turned, count = _turned(content)
-    if not count and any(len(line) > MAX_LINE for line in content.split(b"\n")):
-        raise TableError(TOO_LONG)
-    return turned, count
-
-
-def _turned(content: bytes) -> tuple[bytes, int]:
-    """Return lines of numbers as columns, as :func:`with_long_lines_as_columns` does."""
     lines = content.decode(errors="replace").strip().split("\n")
     for separator in ("\t", ";", None, ","):
         rows = [[*map(str.strip, line.strip(separator).split(separator))] for line in lines]
         numbers = all(NUMBER.fullmatch(cell) for row in rows for cell in row[1:])
         if len({*map(len, rows)}) == 1 and len(rows[0]) > len(rows) and numbers:
-            break
-    else:
-        return content, 0
-    for end in (0, -1):
-        if all(map(WHOLE.fullmatch, (row[end] for row in rows))) and "." in rows[0][1]:
-            return content, 0
-    return "\n".join(map("\t".join, zip(*rows, strict=True))).encode(), len(rows)
+            columns = [*zip(*rows, strict=True)]
+            first, second, last = (all(map(WHOLE.fullmatch, columns[n])) for n in (0, 1, -1))
+            if second or not (first or last):
+                return "\n".join(map("\t".join, columns)).encode(), len(rows)
+    if any(len(line) > MAX_LINE for line in lines):
+        raise TableError(TOO_LONG)
+    return content, 0
 
 
 def without_comments(content: bytes) -> bytes:

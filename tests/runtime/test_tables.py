@@ -1148,6 +1148,10 @@ REFUSED = {
         "".join(f"{n / 2:.1f} {n % 7} {n % 5} \n".replace(".", ",") for n in range(COUNT)),
         "a number within text; write numbers alone",
     ),
+    "marks of thousands in one column": (
+        "".join(f"{n % 7 + 1} {n % 600 + 100},{n % 90 + 10};\n" for n in range(COUNT)),
+        "holds no numbers in columns",
+    ),
     "times of few stamps": (
         table(clock("%H:%M:%S"), *XYZ, names="time,x,y,z\n"), "too coarse for the rate; delete"
     ),
@@ -1624,12 +1628,14 @@ def test_long_lines_that_are_no_axes_are_refused(tmp_path, text):
         read_table(write(tmp_path, text))
 
 
+@pytest.mark.parametrize("decimal", [".", ","])
 @pytest.mark.parametrize("label", ["first", "last"])
-def test_long_lines_with_a_label_each_are_no_axes(tmp_path, label):
-    lines = [",".join(f"{x:.5f}" for x in axis[:4000]) for axis in LONG] * 4
-    lines = [f"{n % 3},{x}" if label == "first" else f"{x},{n % 3}" for n, x in enumerate(lines)]
+def test_long_lines_with_a_label_each_are_no_axes(tmp_path, label, decimal):
+    lines = [";".join(f"{x:.5f}" for x in axis[:4000]) for axis in LONG] * 4
+    lines = [f"{n % 3};{x}" if label == "first" else f"{x};{n % 3}" for n, x in enumerate(lines)]
+    text = "\n".join(lines).replace(".", decimal)
     with pytest.raises(TableError, match="12 recordings of a line by the label"):
-        read_table(write(tmp_path, "\n".join(lines)))
+        read_table(write(tmp_path, text if decimal == "," else text.replace(";", ",")))
 
 
 def test_long_lines_of_other_lengths_are_refused(tmp_path):
