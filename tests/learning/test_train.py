@@ -76,6 +76,23 @@ def test_the_result_adds_nothing_to_the_recipe_but_calibration_and_training(
     assert load_classifier(training.checkpoint).card == result
 
 
+def test_the_checkpoint_of_a_trunk_is_read_once(run_once, tiny, tmp_path, monkeypatch):
+    run = run_once("model=haptic", *tiny)
+    config, dataset = opened(run, tmp_path)
+    source, reads = checkpoint_of(run, "haptic"), []
+    read = SurfaceClassifier.from_checkpoint
+    monkeypatch.setattr(
+        SurfaceClassifier,
+        "from_checkpoint",
+        lambda path, kind: reads.append(path) or read(path, kind),
+    )
+    config = replace(config, weights=str(source))
+    rest = dataset.classes, dataset.parts(config.data), dataset.store, tmp_path / "again"
+    ((training, _),) = train_networks(config, *rest)
+    assert reads == [source]
+    assert training.card.trained_on["trunks"] == {"haptic": str(source)}
+
+
 class Spy(Callback):
     """A user's callback that sees the network, and changes it once it is trained."""
 

@@ -17,7 +17,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, DataConfig, Folding
 from tex_lightning.core.files import read_record, write_text
 from tex_lightning.core.ranks import is_rank_zero
-from tex_lightning.core.run_folder import SUFFIX, holds_work
+from tex_lightning.core.run_folder import holds_work
 from tex_lightning.data.folds import Split, as_override, split
 from tex_lightning.data.inspection import training_ranges
 from tex_lightning.data.recordings import (
@@ -43,40 +43,30 @@ def complete_recipe(
     card: Card,
     parts: Split,
     store: Store,
-    starts: Mapping[str, SurfaceClassifier],
+    unimodal: Mapping[str, SurfaceClassifier],
     known: Mapping[str, Any],
+    trunk: SurfaceClassifier | None = None,
 ) -> Card:
     """Add to the card of a network the ranges and digests of its recordings, and its first weights.
 
-    ``starts`` are the networks that FusionNet starts from, by sense; it takes their settings.
-    ``known`` are entries of ``training`` that are known beforehand.
-
-    Raises:
-        UserError: If the first weights cannot be used, or were trained on test recordings.
+    ``unimodal`` are the networks that FusionNet starts from, by sense; it takes their settings.
+    ``known`` are entries of ``training`` that are known beforehand, and ``trunk`` is the network
+    whose trunk it starts from.
     """
-    begun = [start.card for start in starts.values()]
-    ranges = {name: seen for start in begun for name, seen in start.input_ranges.items()}
+    pretrained = {name: network.card for name, network in unimodal.items()}
+    ranges = {name: seen for x in pretrained.values() for name, seen in x.input_ranges.items()}
     for name in card.modalities:
         if name not in ranges:
             ranges[name] = training_ranges(parts.train.of(name), store)
-    senses = {**card.senses, **{name: start.card.senses[name] for name, start in starts.items()}}
-    source = None if card.baseline or begun else config.sources.get(card.kind)
-    if source is not None and (start := starting_classifier(source, card.kind)) is not None:
-        test = parts.test.of(card.modalities[0])
-        refuse_leak(test, start.card, f"weights: checkpoint {source}", config.data)
-        begun.append(start.card)
-    seen = trained_on(card, parts, config.data, begun, source)
+    senses = {**card.senses, **{name: x.senses[name] for name, x in pretrained.items()}}
+    source = None if card.baseline else config.sources.get(card.kind)
+    cards = [*pretrained.values(), *([] if trunk is None else [trunk.card])]
+    seen = trained_on(card, parts, config.data, cards, source)
     return replace(card, senses=senses, input_ranges=ranges, trained_on=seen, training=dict(known))
 
 
-def starting_classifier(source: str, kind: str) -> SurfaceClassifier | None:
-    """Load the checkpoint whose trunk a network starts from; None of weights from elsewhere."""
-    path = Path(source)
-    return SurfaceClassifier.from_checkpoint(path, kind) if path.suffix == SUFFIX else None
-
-
 def trained_on(
-    card: Card, parts: Split, data: DataConfig, begun: Sequence[Card], source: str | None
+    card: Card, parts: Split, data: DataConfig, pretrained: Sequence[Card], source: str | None
 ) -> dict[str, Any]:
     """Return ``trained_on`` of a card: digests of the recordings, and the fold that is left out.
 
@@ -84,16 +74,16 @@ def trained_on(
         card: Card of the network to train.
         parts: Recordings by part.
         data: Division into folds.
-        begun: Cards of the networks that it starts from, whose recordings count as its own.
-        source: Source of the trunk's first weights; None is random, or the trunk of ``begun``.
+        pretrained: Cards of the networks that it starts from, whose recordings count as its own.
+        source: Source of the trunk's first weights; None is random, or that of ``pretrained``.
     """
     inverted = data.inverted and data.test_fold is not None
     used = (row for part in (parts.train, parts.val) for row in part)
     seen = digests(row for row in used if row.modality in card.modalities)
-    earlier = {digest for start in begun for digest in start.trained_on.get("seen", ())}
+    earlier = {digest for x in pretrained for digest in x.trained_on.get("seen", ())}
     trunks = {} if source is None else {card.kind: source}
-    for start in begun if source is None else ():
-        trunks |= start.trained_on.get("trunks", {})
+    for x in pretrained if source is None else ():
+        trunks |= x.trained_on.get("trunks", {})
     return {
         "folds": data.folds,
         "test_fold": data.test_fold,

@@ -42,7 +42,7 @@ from tex_lightning.learning.finish import calibrate, refit_scores, set_statistic
 from tex_lightning.learning.loggers import open_loggers, show_inputs
 from tex_lightning.learning.module import SurfaceModule, make_module
 from tex_lightning.learning.provenance import complete_recipe
-from tex_lightning.learning.start import load_start, start_fusion, start_network
+from tex_lightning.learning.start import load_trunk, load_unimodal, start_fusion, start_network
 from tex_lightning.learning.trainer import (
     build_callbacks,
     find_resumable,
@@ -82,19 +82,20 @@ def train_networks(
         KeyboardInterrupt: If the user stopped it; the last finished epoch is kept.
     """
     model, whole = config.model, configured_card(config, classes)
-    starts = {  # before time is spent on the other networks
-        name: load_start(find_checkpoint(path), whole.of([name]), parts.test, config.data)
+    networks = {  # before time is spent on the other networks
+        name: load_unimodal(find_checkpoint(path), whole.of([name]), parts.test, config.data)
         for name, path in model.checkpoints.items()
     }
     for name in track(model.trained, "network {}".format):
         last = name == model.kind
         card = whole if last else whole.of([name])
-        begun = {sense: starts[sense] for sense in model.senses if last and sense in starts}
-        card = complete_recipe(config, card, parts, store, begun, known.get(name, {}))
+        unimodal = {sense: networks[sense] for sense in model.senses if last and sense in networks}
+        trunk = load_trunk(config, card, parts.test)
+        card = complete_recipe(config, card, parts, store, unimodal, known.get(name, {}), trunk)
         loggers = open_loggers(config.logger, directory, name)
-        training = Training(config, card, parts, store, directory, begun, loggers)
-        starts[name] = training.run() if shared_in is None else training.run_shared(shared_in)
-        yield training, starts[name]
+        training = Training(config, card, parts, store, directory, unimodal, trunk, loggers)
+        networks[name] = training.run() if shared_in is None else training.run_shared(shared_in)
+        yield training, networks[name]
 
 
 @dataclass
@@ -104,7 +105,8 @@ class Training:
     Attributes:
         card: Card of the classifier to train (:func:`~.provenance.complete_recipe`). The classifier
             that :meth:`run` returns has the same card with calibration and training added.
-        starts: By sense the trained networks that FusionNet starts from; empty for one sense.
+        unimodal: By sense the trained networks that FusionNet starts from; empty for one sense.
+        trunk: Trained network whose trunk it starts from; None of weights from elsewhere.
         watchers: Callbacks beside the configured ones.
         batches: The training batches, made by :meth:`run`.
         timer: Clock of the training steps.
@@ -116,7 +118,8 @@ class Training:
     parts: Split
     store: Store
     directory: Path
-    starts: Mapping[str, SurfaceClassifier] = field(default_factory=dict)
+    unimodal: Mapping[str, SurfaceClassifier] = field(default_factory=dict)
+    trunk: SurfaceClassifier | None = None
     loggers: Sequence[Logger] = ()
     watchers: Sequence[Callback] = ()
     batches: TrainingBatches = field(init=False, repr=False)
@@ -141,8 +144,8 @@ class Training:
         torch.manual_seed(config.seed)
         with self._timed():
             module = make_module(config, self.card)
-            if self.starts:  # before the batches are made: the features of its senses are fitted
-                start_fusion(module, self.starts, config.model.fusion.head_start)
+            if self.unimodal:  # before the batches are made: the features of its senses are fitted
+                start_fusion(module, self.unimodal, config.model.fusion.head_start)
             self.batches = self._make_batches(module)
         samples = make_samples(self.parts.val, self.card.modalities)
         validation = SampleSet(samples, self.store, self.card.classes)
@@ -171,7 +174,7 @@ class Training:
             rows = self.parts.train.of(sense.modality).rows
             sense.features.to(self.device)
             recipe, size = {**self.config.model.fit_values(name), **fit}, module.pieces[name]
-            learn = not self.starts
+            learn = not self.unimodal
             bank = sense.bank(rows, self.store, recipe, size=size, seed=module.seed, learn=learn)
             labels = class_indices([row.label for row in rows], self.card.classes)
             banks[name] = bank, np.array(labels)
@@ -182,7 +185,7 @@ class Training:
         module, batches, engine = cast(SurfaceModule, module), self.batches, self.config.engine
         groups = [row.group_key for row in self._rows]
         with self._timed():
-            start_network(module, batches, groups, self.weights, self.device, engine)
+            start_network(module, batches, groups, self.weights, self.trunk, self.device, engine)
             show_inputs(self.loggers, module, batches)
 
     def _finish(self, trainer: Trainer, module: LightningModule) -> None:
@@ -193,12 +196,14 @@ class Training:
             return
         classifier, frozen = module.classifier.to(self.device), not module.fit_config["epochs"]
         parts, store, engine = self.parts, self.store, self.config.engine
-        fixed = all(start.card.training["left_out"] for start in self.starts.values())
+        closed_form = frozen and all(
+            network.card.training["left_out"] for network in self.unimodal.values()
+        )
         banks = {name: bank for name, (bank, _) in self.batches.banks.items()}
         with self._timed():
             left_out = set_statistics(
                 classifier, parts.train, store, engine, banks,
-                frozen=frozen, closed_form=frozen and fixed,
+                frozen=frozen, closed_form=closed_form,
             )  # fmt: skip
             shrinkage = module.fit_config.get("score_shrinkage")
             if (
@@ -255,9 +260,9 @@ class Training:
             "weights": self.weights,
             "trainer": config.trainer.flags,
         }
-        if self.starts:
+        if self.unimodal:
             recipe["model"] = asdict(config.model)
-            recipe["starts"] = [start.card.to_dict() for start in self.starts.values()]
+            recipe["starts"] = [network.card.to_dict() for network in self.unimodal.values()]
         digest = hashlib.sha256(json.dumps(recipe, sort_keys=True).encode()).hexdigest()[:16]
         shared = replace(self, directory=folder / f"{kind}-{digest}")
         classifier = shared.run()
