@@ -59,13 +59,13 @@ class SignalFitConfig(FitConfig):
         "[0, 1]",
         "share of sub-samples with added noise, and share with another frequency response; only of "
         "spectrograms with normalisation=standard",
-    ] = 0.0
+    ]
     score_shrinkage: Annotated[
         float | None,
         "[0, 1000000]",
         "how far FC3's discriminants take the scatter within classes for equal in all directions; "
         "null: FC3 as trained",
-    ] = None
+    ]
     perturb: Annotated[list[str], PERTURB]
     perturbed_copies: Annotated[int, "[1, 100]", "perturbed versions of every signal"]
 
