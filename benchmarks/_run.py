@@ -11,9 +11,9 @@ from typing import Any
 
 import torch
 
+from tex_lightning.core.environment import environment
 from tex_lightning.core.files import write_text
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.outcomes import environment
 
 RESULTS = Path(__file__).parents[1] / "outputs" / "benchmarks"
 

@@ -29,10 +29,10 @@ from benchmarks._classifiers import configured
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.core.devices import keep_memory, pick_device, synchronise, use_tf32
+from tex_lightning.core.environment import environment
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.store import load_sample
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.outcomes import environment
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.learning.train import train_networks
 from tex_lightning.networks.blocks import independent_copy

@@ -33,8 +33,8 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.devices import keep_memory
+from tex_lightning.core.environment import environment
 from tex_lightning.data.datamodule import Batch, SurfaceData, TrainingBatches
-from tex_lightning.evaluation.outcomes import environment
 from tex_lightning.learning.module import SurfaceModule
 from tex_lightning.learning.provenance import complete_recipe
 from tex_lightning.learning.train import Training

@@ -1,5 +1,4 @@
 import json
-import os
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -15,7 +14,6 @@ from tex_lightning.data.folds import Sample
 from tex_lightning.evaluation.confusion import vote_counts
 from tex_lightning.evaluation.outcomes import (
     Outcome,
-    environment,
     read_outcomes,
     run_test,
     summarise,
@@ -73,23 +71,3 @@ def test_a_tested_sample_of_a_class_that_was_not_trained_is_wrong():
     outcomes = run_test(classifier, [Sample("a", {}), Sample("z", {})], None)
     assert [(each.predicted, each.correct_fragments) for each in outcomes] == [("a", 2), ("a", 0)]
     assert outcomes[0].class_probabilities == {"a": 0.75, "b": 0.25}
-
-
-def test_results_name_what_those_of_an_nvidia_gpu_depend_on(monkeypatch, tmp_path):
-    """Of a GPU that is not there; the CPU's have nothing of it."""
-    said = tmp_path / "nvidia-smi"
-    said.write_text("#!/bin/sh\necho 570.86.10\necho 570.86.10\n")
-    said.chmod(0o755)
-    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
-    monkeypatch.setattr(torch.cuda, "get_device_name", lambda device: f"GPU {device.index}")
-    monkeypatch.setattr(torch.version, "cuda", "12.8")
-    monkeypatch.setattr(torch.backends.cudnn, "version", lambda: 91002)
-    found = environment(torch.device("cuda", 1), SimpleNamespace(precision="bf16-mixed"))
-    assert found["device"] == "GPU 1"
-    assert found["cuda"] == {
-        "cuda": "12.8", "cudnn": 91002, "driver": "570.86.10",
-        "tf32": torch.backends.cuda.matmul.allow_tf32, "precision": "bf16-mixed",
-    }  # fmt: skip
-    said.write_text("#!/bin/sh\nexit 9\n")
-    assert environment(torch.device("cuda", 1))["cuda"]["driver"] is None
-    assert "cuda" not in environment(torch.device("cpu"))

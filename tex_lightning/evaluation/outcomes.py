@@ -2,24 +2,17 @@
 
 import json
 import math
-import os
-import platform
-import subprocess
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy  # whose parts are loaded when they are used
-import torch
 
-from tex_lightning import __version__
 from tex_lightning.classifier.vote import Decider, Vote
-from tex_lightning.config import Config, TrainerConfig
-from tex_lightning.core.devices import computing_device, synchronise
+from tex_lightning.core.devices import synchronise
 from tex_lightning.core.files import read_rows, write_rows
 from tex_lightning.core.progress import track
 from tex_lightning.core.run_folder import predictions_of
@@ -31,7 +24,6 @@ from tex_lightning.text import to_json
 # In place of the file that first weights came from
 RANDOM, NO_WEIGHTS = "random weights", "none"
 FILES = "files"
-LIBRARIES = ("torch", "lightning", "kornia", "hydra-core", "numpy", "scipy")
 
 
 @dataclass(frozen=True)
@@ -149,82 +141,6 @@ def read_networks(directory: Path, networks: Iterable[str]) -> dict[str, list[Ou
     """Return the outcomes of those networks of a run folder that it has tested."""
     files = {name: predictions_of(directory, name) for name in networks}
     return {name: read_outcomes(file) for name, file in files.items() if file.is_file()}
-
-
-def run_facts(config: Config, seconds: float, baselines: Iterable[bool]) -> dict[str, Any]:
-    """Return what ``results.json`` says of a run beside its results.
-
-    Args:
-        config: The configuration.
-        seconds: Time that the run took.
-        baselines: Of each classifier of the run, whether it is a baseline.
-    """
-    device = computing_device(config.trainer.accelerator, baselines)
-    return {
-        "task": config.task,
-        "data": config.data.name,
-        "seed": config.seed,
-        "wall_seconds": seconds,
-        "environment": environment(device, config.trainer),
-    }
-
-
-def environment(device: torch.device, trainer: TrainerConfig | None = None) -> dict[str, Any]:
-    """Return the environment in which a figure was measured.
-
-    Args:
-        device: That computed. An NVIDIA GPU is described further.
-        trainer: Settings of the trainings, for their precision; None tells none.
-    """
-    cuda = device.type == "cuda"
-    name = torch.cuda.get_device_name(device) if cuda else device.type
-    precision = None if trainer is None else trainer.precision
-    return {
-        "versions": {
-            "tex_lightning": __version__,
-            "python": platform.python_version(),
-            **{library: version(library) for library in LIBRARIES},
-        },
-        "commit": _commit(Path(__file__).parents[2]),
-        "cpu": _cpu_name(),
-        "cores": os.cpu_count(),
-        "device": name,
-        "threads": torch.get_num_threads(),
-        **({"cuda": {**_cuda_versions(), "precision": precision}} if cuda else {}),
-    }
-
-
-def _cuda_versions() -> dict[str, Any]:
-    """Return what the results of an NVIDIA GPU depend on, beside its name."""
-    return {
-        "cuda": torch.version.cuda,
-        "cudnn": torch.backends.cudnn.version(),  # type: ignore[no-untyped-call]  # no annotation
-        "driver": _output("nvidia-smi", "--query-gpu=driver_version", "--format=csv,noheader"),
-        "tf32": torch.backends.cuda.matmul.allow_tf32,
-    }
-
-
-def _commit(root: Path) -> str | None:
-    """Return the commit of a checkout, ``-dirty`` if files were changed; None elsewhere."""
-    if not (root / ".git").exists():  # installed, perhaps below a checkout of something else
-        return None
-    return _output("git", "-C", str(root), "describe", "--always", "--dirty", "--exclude=*")
-
-
-def _output(*command: str) -> str | None:
-    """Return the first line that a command prints; None where it fails, or prints nothing."""
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=10)
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return next(iter(done.stdout.splitlines()), None)
-
-
-def _cpu_name() -> str:
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text(encoding="utf-8").splitlines() if info.is_file() else []
-    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
-    return next(names, "") or platform.processor() or platform.machine()
 
 
 COUNTS = ("correct", "test_samples", "vote_accuracy", "vote_ci95")  # keys of the following

@@ -10,6 +10,8 @@ from lightning.pytorch.loggers import Logger
 from tex_lightning.classifier.card import CROSSVAL
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, plain_values
+from tex_lightning.core.devices import computing_device
+from tex_lightning.core.environment import environment
 from tex_lightning.core.run_folder import predictions_of
 from tex_lightning.data.folds import Sample, make_samples
 from tex_lightning.data.store import Store, load_sample, skipped_entry
@@ -17,12 +19,7 @@ from tex_lightning.evaluation.conditions import by_condition
 from tex_lightning.evaluation.confusion import fragment_counts, vote_counts
 from tex_lightning.evaluation.metrics import pooled_metrics
 from tex_lightning.evaluation.novelty import report_unknown
-from tex_lightning.evaluation.outcomes import (
-    Outcome,
-    run_facts,
-    run_test,
-    write_outcomes,
-)
+from tex_lightning.evaluation.outcomes import Outcome, run_test, write_outcomes
 from tex_lightning.inference.early_stopping import make_inference_model
 from tex_lightning.inference.engine import sample_macs
 from tex_lightning.inference.prediction import warn_of_few
@@ -46,6 +43,24 @@ from tex_lightning.report.samples import SampleView
 from tex_lightning.studies.dataset import Dataset
 
 MIN_CALIBRATED = 50  # samples from which a calibration is drawn
+
+
+def run_facts(config: Config, seconds: float, baselines: Iterable[bool]) -> dict[str, Any]:
+    """Return what ``results.json`` says of a run beside its results.
+
+    Args:
+        config: The configuration.
+        seconds: Time that the run took.
+        baselines: Of each classifier of the run, whether it is a baseline.
+    """
+    device = computing_device(config.trainer.accelerator, baselines)
+    return {
+        "task": config.task,
+        "data": config.data.name,
+        "seed": config.seed,
+        "wall_seconds": seconds,
+        "environment": environment(device, config.trainer.precision),
+    }
 
 
 def results_frame(

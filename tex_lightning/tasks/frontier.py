@@ -9,9 +9,9 @@ from omegaconf import OmegaConf
 
 from tex_lightning.config import Config, Job
 from tex_lightning.core.files import write_rows
-from tex_lightning.evaluation.outcomes import run_facts
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.frontier_chart import frontier_figure, print_frontier
+from tex_lightning.studies.evaluate_checkpoint import run_facts
 from tex_lightning.studies.family import (
     choose_system,
     compose_family,

@@ -12,10 +12,11 @@ from tex_lightning.classifier.card import configured_card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, Job
 from tex_lightning.core.devices import pick_device
+from tex_lightning.core.environment import environment
 from tex_lightning.core.progress import track
 from tex_lightning.core.run_folder import system_name
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.outcomes import RANDOM, environment
+from tex_lightning.evaluation.outcomes import RANDOM
 from tex_lightning.report.table import make_table, print_tables, profile_table
 from tex_lightning.studies.profile import only_sense, profile_network, render_recording
 
@@ -44,7 +45,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "weights": RANDOM if source is None else source,
         "seed": config.seed,
         "wall_seconds": time.perf_counter() - begin,
-        "environment": environment(device, config.trainer),
+        "environment": environment(device, config.trainer.precision),
         "engine": asdict(config.engine),
         "networks": networks,
     }
