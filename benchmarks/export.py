@@ -27,7 +27,7 @@ from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.store import Store, cache_root, load_sample
 from tex_lightning.errors import UserError
 from tex_lightning.export.onnx_file import (
-    Sample,
+    TensorSample,
     compare,
     decoded,
     make_onnx,
@@ -103,7 +103,7 @@ def _data(config: Config) -> list[str]:
     return ["data=folder", f"data.root={REAL / 'lmt16'}"]
 
 
-def _samples(config: Config, classifier: SurfaceClassifier) -> list[Sample]:
+def _samples(config: Config, classifier: SurfaceClassifier) -> list[TensorSample]:
     """Return real samples drawn at random, photos in full size; noise where there are none."""
     if not REAL.is_dir():
         return [noise_sample(classifier, seed) for seed in range(COUNT)]
@@ -119,7 +119,7 @@ def _samples(config: Config, classifier: SurfaceClassifier) -> list[Sample]:
 
 
 @torch.no_grad()
-def _learn(classifier: SurfaceClassifier, samples: Sequence[Sample]) -> None:
+def _learn(classifier: SurfaceClassifier, samples: Sequence[TensorSample]) -> None:
     """Let features and fitted networks learn from recordings, and batch statistics vary."""
     generator = torch.Generator().manual_seed(0)
     for sense in classifier.senses.values():

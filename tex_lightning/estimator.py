@@ -47,7 +47,7 @@ from tex_lightning.data.derived_settings import derive_settings
 from tex_lightning.data.readers.arrays import (
     MANIFEST,
     Given,
-    Sample,
+    GivenSample,
     by_name,
     check_complete,
     each,
@@ -221,7 +221,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         with self._to_classify(X) as samples:
             return np.stack([*each(samples, self._embedding)])
 
-    def _embedding(self, sample: Sample) -> Array:
+    def _embedding(self, sample: GivenSample) -> Array:
         classifier, decoded = self.predictor_.classifier, self._decoded(sample)
         classifier.require(decoded)
         parts = [
@@ -252,7 +252,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         with self._to_classify(X) as samples:
             return [*each(samples, self._explained)]
 
-    def _explained(self, sample: Sample) -> dict[str, Array]:
+    def _explained(self, sample: GivenSample) -> dict[str, Array]:
         """Return probabilities (rows, columns, classes) of fragments in the order of classes."""
         classifier, decoded = self.predictor_.classifier, self._decoded(sample)
         places = [classifier.card.classes.index(label) for label in by_name(self.classes_)]
@@ -379,7 +379,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
                 raise InvalidInput(*_relative(mistake.args, folder)) from error
 
     @contextmanager
-    def _to_classify(self, X: Any) -> Iterator[list[Sample]]:  # noqa: ANN401
+    def _to_classify(self, X: Any) -> Iterator[list[GivenSample]]:  # noqa: ANN401
         """Give the samples of recordings to classify."""
         check_is_fitted(self)
         modalities = self.predictor_.card.modalities
@@ -388,22 +388,22 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
                 _check_feature_names(self, X, reset=False)
             yield self._samples(X, modalities)
 
-    def _predicted(self, sample: Sample) -> Prediction:
+    def _predicted(self, sample: GivenSample) -> Prediction:
         recordings, rates = self._rated(sample)
         return self.predictor_.predict(rate=rates, **recordings)
 
-    def _decoded(self, sample: Sample) -> dict[str, tuple[torch.Tensor, Quality]]:
+    def _decoded(self, sample: GivenSample) -> dict[str, tuple[torch.Tensor, Quality]]:
         recordings, rates = self._rated(sample)
         return self.predictor_.decoded(recordings, rate=rates)
 
-    def _rated(self, sample: Sample) -> tuple[dict[str, Given], dict[str, float | None]]:
+    def _rated(self, sample: GivenSample) -> tuple[dict[str, Given], dict[str, float | None]]:
         """Return recordings, and the rate of each that has one of its own or none."""
         pairs = {name: with_rate(given) for name, given in sample.items() if given is not None}
         usual = None if self.rate is None else float(self.rate)
         rates = {name: usual if rate is None else rate for name, (_, rate) in pairs.items()}
         return {name: given for name, (given, _) in pairs.items()}, rates
 
-    def _samples(self, X: Any, modalities: Sequence[str]) -> list[Sample]:  # noqa: ANN401
+    def _samples(self, X: Any, modalities: Sequence[str]) -> list[GivenSample]:  # noqa: ANN401
         """Return samples of what is an array or any other form of recordings."""
         if is_table(X, modalities):
             X = check_array(readable(X, "X"), allow_nd=True)

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.core.contract import Part, breach, calling, check_call, describe_value
+from tex_lightning.core.contract import Component, breach, calling, check_call, describe_value
 from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.data.recordings import Recording, Recordings, class_indices
 from tex_lightning.data.store import Store
@@ -84,10 +84,10 @@ def check_parts(
     check_outputs(classifier.eval(), rebuilt.eval(), examples)
 
 
-def parts_of(sense: Sense) -> tuple[Part, Part]:
+def parts_of(sense: Sense) -> tuple[Component, Component]:
     """Return features and network of a sense with their keys, as contracts name them."""
     key, network = f"model.{sense.name}", sense.network
-    scored: Part = getattr(network, "contract_part", (f"{key}.network", "network", network))
+    scored: Component = getattr(network, "contract_part", (f"{key}.network", "network", network))
     return (f"{key}.features", "features", sense.features), scored
 
 
@@ -146,7 +146,7 @@ def _largest(recordings: Recordings, store: Store, count: int) -> list[Recording
     return list(chain.from_iterable(of_class.values()))
 
 
-def check_numbers(values: Tensor, part: Part) -> None:
+def check_numbers(values: Tensor, part: Component) -> None:
     """Reject values that are not finite floating-point numbers."""
     if not values.is_floating_point():
         raise breach(*part, f"returned {describe_value(values)}")
@@ -154,7 +154,7 @@ def check_numbers(values: Tensor, part: Part) -> None:
         raise breach(*part, "gave NaN or infinity")
 
 
-def check_scores(scores: Tensor, part: Part, classes: int) -> None:
+def check_scores(scores: Tensor, part: Component, classes: int) -> None:
     """Reject scores (classes, positions) of another number of classes, or not finite."""
     if len(scores) != classes:
         raise breach(
@@ -163,7 +163,7 @@ def check_scores(scores: Tensor, part: Part, classes: int) -> None:
     check_numbers(scores, part)
 
 
-def check_gradient(scores: Tensor, sense: Sense, part: Part) -> None:
+def check_gradient(scores: Tensor, sense: Sense, part: Component) -> None:
     """Reject scores without a gradient, or with one that is not finite."""
     if not scores.requires_grad:
         raise breach(*part, "gave scores without a gradient, so nothing can be trained")
@@ -174,7 +174,7 @@ def check_gradient(scores: Tensor, sense: Sense, part: Part) -> None:
         raise breach(*part, "gave scores with a gradient that is NaN or infinite")
 
 
-def check_trunk(part: Part, trunk: Trunk, images: Tensor) -> None:
+def check_trunk(part: Component, trunk: Trunk, images: Tensor) -> None:
     """Reject a trunk whose features are not finite (batch, out_channels, rows, columns).
 
     Args:
@@ -250,7 +250,7 @@ def saved(state: Mapping[str, Any]) -> dict[str, Any]:
     return loaded
 
 
-def check_same(run: Callable[[], Tensor], again: Callable[[], Tensor], part: Part) -> None:
+def check_same(run: Callable[[], Tensor], again: Callable[[], Tensor], part: Component) -> None:
     """Check that two calls return the same but for rounding."""
     outputs = []
     for call in (run, again):

@@ -17,7 +17,7 @@ from tex_lightning.errors import UserError, nearest, reason
 LIBRARIES = ("tex_lightning.", "torch.", "torchvision.", "lightning.", "kornia.")
 FAULT = "tex_lightning_fault"  # attribute of an error
 KEY = "tex_lightning_key"  # attribute of a part
-Part = tuple[str, str, object]  # key in the configuration, kind of CONTRACTS and object
+Component = tuple[str, str, object]  # key in the configuration, kind of CONTRACTS and object
 
 CONTRACTS = {
     "features": "features map a signal (axes, samples) to network input (1, ..., frames), or photos"
@@ -43,7 +43,7 @@ CONTRACTS = {
 
 @contextmanager
 def calling(key: str, kind: str, part: object) -> Iterator[None]:
-    """Add the key and the contract of a :data:`Part` to its exceptions, before the traceback."""
+    """Add the key and the contract of a :data:`Component` to its errors, before the traceback."""
     try:
         yield
     except UserError:
@@ -159,12 +159,12 @@ def rejected_by_library(error: BaseException) -> str | None:
 
 
 def check_call(
-    part: Part, called: Callable[..., object], *arguments: str, by_name: Sequence[str] = ()
+    part: Component, called: Callable[..., object], *arguments: str, by_name: Sequence[str] = ()
 ) -> None:
     """Reject a function or method that cannot be called with so many arguments.
 
     Args:
-        part: Part that it belongs to.
+        part: Component that it belongs to.
         called: The function or bound method.
         arguments: Names of the arguments, as the contract has them.
         by_name: Those that are given by their names.
@@ -184,7 +184,7 @@ def check_call(
 
 
 def breach(key: str, kind: str, part: object, why: str) -> UserError:
-    """Return the error for a :data:`Part` that "returned a list", or what else ``why`` says."""
+    """Return the error for a :data:`Component` that "returned a list", or what ``why`` says."""
     return UserError(f"{key} ({_name(part)}) {why}; {CONTRACTS[kind]}.")
 
 

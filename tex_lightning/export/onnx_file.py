@@ -21,7 +21,7 @@ from tex_lightning.export.tracing import axes_of, draws, example, quiet, trace, 
 from tex_lightning.senses.features.proportions import BandProportions
 
 Array = npt.NDArray[Any]
-Sample = dict[str, Tensor]  # recordings by modality, as a file takes them
+TensorSample = dict[str, Tensor]  # recordings by modality, as a file takes them
 Runner = Callable[[Mapping[str, Array]], Mapping[str, Array]]  # inputs to outputs, by name
 EXTRA = 'install it with pip install "tex_lightning[export]"'
 
@@ -125,7 +125,7 @@ TOLERANCE = 1e-4  # of the range of a recording's scores
 COUNTED = 0.05
 
 
-def noise_sample(classifier: SurfaceClassifier, seed: int) -> Sample:
+def noise_sample(classifier: SurfaceClassifier, seed: int) -> TensorSample:
     """Draw recordings of random sizes; every second signal begins with quiet and a touch."""
     rng, recordings = np.random.default_rng(seed), {}
     for sense in classifier.senses.values():
@@ -143,7 +143,7 @@ def noise_sample(classifier: SurfaceClassifier, seed: int) -> Sample:
     return recordings
 
 
-def decoded(sample: Sample, classifier: SurfaceClassifier) -> Sample:
+def decoded(sample: TensorSample, classifier: SurfaceClassifier) -> TensorSample:
     """Return the recordings as the classifier takes them: photos are halved."""
     result = dict(sample)
     for sense in classifier.senses.values():
@@ -154,7 +154,7 @@ def decoded(sample: Sample, classifier: SurfaceClassifier) -> Sample:
 
 
 def compare(
-    runner: Runner, classifier: SurfaceClassifier, samples: Sequence[Sample]
+    runner: Runner, classifier: SurfaceClassifier, samples: Sequence[TensorSample]
 ) -> dict[str, Any]:
     """Run a file and its classifier on the same recordings.
 
@@ -189,7 +189,9 @@ def compare(
     }
 
 
-def feed(classifier: SurfaceClassifier, sample: Sample, recordings: Sample) -> dict[str, Array]:
+def feed(
+    classifier: SurfaceClassifier, sample: TensorSample, recordings: TensorSample
+) -> dict[str, Array]:
     """Return the inputs of a file by name, so that a FusionNet draws the classifier's tuples."""
     inputs = {name: np.ascontiguousarray(recording.numpy()) for name, recording in sample.items()}
     if classifier.fusion is not None:

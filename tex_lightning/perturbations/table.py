@@ -11,7 +11,7 @@ import numpy as np
 from omegaconf import OmegaConf
 
 from tex_lightning.core.contract import (
-    Part,
+    Component,
     breach,
     calling,
     check_call,
@@ -141,7 +141,9 @@ def _check(kind: Perturbation) -> None:
     _function(kind)
 
 
-def perturb(part: Part, function: Function, recording: Array, value: float, scene: Scene) -> Array:
+def perturb(
+    part: Component, function: Function, recording: Array, value: float, scene: Scene
+) -> Array:
     """Return what a user's function makes of a recording, of any type of numbers.
 
     Args:

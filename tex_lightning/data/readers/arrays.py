@@ -26,7 +26,7 @@ from tex_lightning_runtime.samples import Array, as_array, as_trace
 
 T = TypeVar("T")
 Given = Any  # a path, samples or pixels that NumPy can read, or a pair of samples and their rate
-Sample = Mapping[str, Given]  # by modality; None is absent
+GivenSample = Mapping[str, Given]  # by modality; None is absent
 MANIFEST = "manifest.csv"
 ALONE = "; those that stand alone get one of their own"
 
@@ -54,7 +54,7 @@ def _is_number(given: Any) -> bool:  # noqa: ANN401
     return np.isscalar(given) and not isinstance(given, str)
 
 
-def samples_of(given: Any, modalities: Sequence[str]) -> list[Sample]:  # noqa: ANN401
+def samples_of(given: Any, modalities: Sequence[str]) -> list[GivenSample]:  # noqa: ANN401
     """Return samples, each with its recordings by modality.
 
     Args:
@@ -85,7 +85,7 @@ def _is_missing(given: Any) -> bool:  # noqa: ANN401
     return given is None or is_nan or type(given).__name__ == "NAType"
 
 
-def _as_samples(given: Any, modalities: Sequence[str]) -> list[Sample]:  # noqa: ANN401
+def _as_samples(given: Any, modalities: Sequence[str]) -> list[GivenSample]:  # noqa: ANN401
     if hasattr(given, "columns"):
         given = {str(name): given[name].tolist() for name in given.columns}
     for name, one in given.items() if isinstance(given, Mapping) else [("X", given)]:
@@ -109,7 +109,7 @@ def _as_samples(given: Any, modalities: Sequence[str]) -> list[Sample]:  # noqa:
     return [{modalities[0]: item} for item in items]
 
 
-def _by_modality(given: Mapping[str, list[Given]], modalities: Sequence[str]) -> list[Sample]:
+def _by_modality(given: Mapping[str, list[Given]], modalities: Sequence[str]) -> list[GivenSample]:
     _check_names(given, modalities)
     lengths = {name: len(items) for name, items in given.items()}
     if len({*lengths.values()}) > 1:
@@ -165,7 +165,7 @@ def by_name(classes: Array) -> dict[str, Any]:
     return {normal_form(str(label)): label for label in classes.tolist()}
 
 
-def groups_of(groups: Any, samples: Sequence[Sample]) -> list[str]:  # noqa: ANN401
+def groups_of(groups: Any, samples: Sequence[GivenSample]) -> list[str]:  # noqa: ANN401
     """Return the name of the group of each sample.
 
     Raises:
@@ -195,7 +195,7 @@ def check_complete(what: str, values: Any, more: str = "") -> None:  # noqa: ANN
 
 
 def write_samples(
-    samples: Sequence[Sample],
+    samples: Sequence[GivenSample],
     labels: Sequence[str],
     groups: Sequence[int | str] | None,
     folder: Path,
@@ -236,7 +236,7 @@ def naming(number: int) -> Iterator[None]:
         raise UserError(f"Recording {number} of X: {error}") from error
 
 
-def each(samples: Iterable[Sample], use: Callable[[Sample], T]) -> Iterator[T]:
+def each(samples: Iterable[GivenSample], use: Callable[[GivenSample], T]) -> Iterator[T]:
     """Yield what a function returns for each sample; a ``UserError`` says for which."""
     for number, sample in enumerate(samples):
         with naming(number):
@@ -245,7 +245,7 @@ def each(samples: Iterable[Sample], use: Callable[[Sample], T]) -> Iterator[T]:
 
 
 def write_sample(
-    sample: Sample, label: str, group: int | str, folder: Path, number: int
+    sample: GivenSample, label: str, group: int | str, folder: Path, number: int
 ) -> Iterator[Recording]:
     """Yield the recordings of one sample; arrays are written to files of a folder first.
 
