@@ -10,7 +10,7 @@ from tex_lightning.classifier.vote import Vote
 from tex_lightning.inference.live_rests import MarkedSignal
 from tex_lightning.inference.running_vote import PER_OCTAVE, RunningVote
 from tex_lightning.senses.features.movement import block_power
-from tex_lightning.senses.features.octave_bands import OVERLAP, OctaveBands
+from tex_lightning.senses.features.octave_bands import OVERLAP
 from tex_lightning.senses.features.proportions import BandProportions
 
 
@@ -47,7 +47,7 @@ class RunningProportionsVote(RunningVote):
         if self.count:
             total = self.sum + ahead.cpu().double().sum(dim=1, keepdim=True)
             mean = (total / (self.first + movement.shape[1])).to(movement)
-            return self._vote(self._part(movement, mean))
+            return self._vote(self._all_fragments(movement, mean))
         self.features.check_length(movement)
         return self._vote(self._embedding(self.features.describe(movement)))
 
@@ -64,7 +64,7 @@ class RunningProportionsVote(RunningVote):
         longest = self.features.longest.length
         least = max(self.size, longest) + max(self.hops)  # has a frame of every window
         while (self.count + 1) * self.size + least <= length:
-            self._add(self._part(kept, mean, whole=False), self._power(kept))
+            self._add(self._next_fragment(kept, mean), self._power(kept))
         needed = min(hop * max(0, self._frame(hop) - OVERLAP) for hop in self.hops)
         self.kept, self.first = kept[:, needed - self.first :].clone(), needed
 
@@ -80,35 +80,44 @@ class RunningProportionsVote(RunningVote):
         """Return the first frame of the next fragment, or of one ``more`` after it."""
         return math.ceil((self.count + more) * self.size / hop)
 
-    def _part(self, movement: Tensor, mean: Tensor, *, whole: bool = True) -> Tensor:
-        """Return the features (D, fragments) of the next fragment, or of the whole movement left.
+    def _next_fragment(self, kept: Tensor, mean: Tensor) -> Tensor:
+        """Return the embedding (D, 1) of the next fragment of :attr:`kept`."""
+        ends = [(self._frame(x.hop, 1) - 1) * x.hop + x.length for x in self.features.used]
+        signals = [kept[:, : end - self.first] for end in ends]
+        return self._fragments(signals, kept[:, : self._frame(1, 1) - self.first], mean, 1)
+
+    def _all_fragments(self, movement: Tensor, mean: Tensor) -> Tensor:
+        """Return the embedding (D, fragments) of all that is left of a movement."""
+        samples = self.first + movement.shape[1]
+        most = self.features.longest.count_frames(samples)
+        count = max(1, min(most, self.features.count_fragments(samples)) - self.count)
+        return self._fragments([movement] * len(self.features.used), movement, mean, count)
+
+    def _fragments(
+        self, signals: list[Tensor], movement: Tensor, mean: Tensor, count: int
+    ) -> Tensor:
+        """Return the embedding (D, count) of equal fragments from the next one on.
 
         Args:
-            movement: (axes, samples), as :attr:`kept` and what comes after.
+            signals: For each window in use (axes, samples) from :attr:`first` to its last frame.
+            movement: (axes, samples) from :attr:`first` to the last fragment's end.
             mean: (axes, 1) of the movement so far.
-            whole: Whether everything left is meant.
+            count: Number of fragments.
         """
-        parts: list[tuple[OctaveBands, Tensor, int]] = []
-        for window in self.features.used:
-            first, last = self._frame(window.hop), self._frame(window.hop, 1)
-            before = max(0, first - OVERLAP)
-            end = None if whole else (last - 1) * window.hop + window.length - self.first
-            x = movement[:, before * window.hop - self.first : end]
-            parts.append((window, x, first - before))
-        frames = [window.count_frames(x.shape[1]) - skip for window, x, skip in parts]
-        remaining = self._left(self.first + movement.shape[1]) if whole else 1
-        fragments = min(*frames, remaining)
-        summaries = [
-            window.summary(window.in_blocks(x, self.features.level, skip), count, fragments)
-            for (window, x, skip), count in zip(parts, frames, strict=True)
+        used = self.features.used
+        frames = [
+            window.count_frames(self.first + signal.shape[1]) - self._frame(window.hop)
+            for window, signal in zip(used, signals, strict=True)
         ]
-        first, last = (self._frame(1, more) - self.first for more in (0, 1))
-        samples = movement[:, first : None if whole else last]
-        embedding = self._embedding(self.features.join(summaries, samples, fragments, mean))
-        numbers = torch.arange(remaining, device=embedding.device)
-        return embedding[:, numbers * fragments // remaining]
-
-    def _left(self, samples: int) -> int:
-        """Return how many more fragments a movement of so many samples is to have."""
-        most = self.features.longest.count_frames(samples)
-        return max(1, min(most, self.features.count_fragments(samples)) - self.count)
+        distinct = min(*frames, count)
+        summaries = []
+        for window, signal, length in zip(used, signals, frames, strict=True):
+            first = self._frame(window.hop)
+            before = max(0, first - OVERLAP)
+            x = signal[:, before * window.hop - self.first :]
+            blocks = window.in_blocks(x, self.features.level, first - before)
+            summaries.append(window.summary(blocks, length, distinct))
+        samples = movement[:, self._frame(1) - self.first :]
+        embedding = self._embedding(self.features.join(summaries, samples, distinct, mean))
+        numbers = torch.arange(count, device=embedding.device)
+        return embedding[:, numbers * distinct // count]
