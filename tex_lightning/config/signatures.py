@@ -51,7 +51,7 @@ def misfits(
             continue
         hint, default = parameters[name].annotation, parameters[name].default
         given = value is not default and repr(value) != repr(default)
-        if given and (wanted := next(_wanted(value, hint), None)):
+        if given and (wanted := _wanted(value, hint)):
             quoted = ", in quotes of two kinds" if wanted == "text" else ""
             near = nearest(value, map(str, Key.of(hint).choices)) if isinstance(value, str) else ""
             key = f"{where}.{name}".removeprefix(".")
@@ -97,18 +97,23 @@ def _converted(value: Any, hint: Any) -> Any:  # noqa: ANN401
     if isinstance(value, list):
         lists = [kind for kind in kinds if (get_origin(kind) or kind) in LISTS and get_args(kind)]
         return [_converted(item, get_args(lists[0])[0]) for item in value] if lists else value
-    word = value.lower() if isinstance(value, str) else value
-    if bool in kinds and not kinds & {str, int, float, Any} and isinstance(word, str | int):
-        return TRUTHS.get(word, value)
-    if isinstance(value, str) and not kinds & {str, Any}:
-        for kind in {int, float} & kinds:
-            with suppress(ValueError):
-                return kind(value)
+    if isinstance(value, str | int) and bool in kinds and not kinds & {str, int, float, Any}:
+        return TRUTHS.get(value.lower() if isinstance(value, str) else value, value)
+    if isinstance(value, str):
+        return value if kinds & {str, Any} else _number(value, kinds)
     if type(value) is int and float in kinds and int not in kinds:
         return float(value) if abs(value) < EXACT else value
-    if isinstance(value, int | float) and not kinds & {bool, int, float} and str in kinds:
+    if isinstance(value, int | float) and str in kinds and not kinds & {bool, int, float}:
         return str(value)
     return value
+
+
+def _number(text: str, kinds: set[Any]) -> int | float | str:
+    """Return the number that a text is, if one of the kinds is such a number; else the text."""
+    for kind in [each for each in (int, float) if each in kinds]:
+        with suppress(ValueError):
+            return kind(text)
+    return text
 
 
 def signature_of(called: Callable[..., Any] | Signature) -> Signature:
@@ -155,61 +160,65 @@ def handing_on(own: Sequence[Parameter], base: Iterable[Parameter]) -> list[Para
     return [*named, *(each.replace(kind=Parameter.KEYWORD_ONLY) for each in more), *rest]
 
 
-def _wanted(value: Any, hint: Any) -> Iterator[str]:  # noqa: ANN401
-    """Yield a description of the expected value, if a value does not fit."""
+def _wanted(value: Any, hint: Any) -> str:  # noqa: ANN401
+    """Return what a value should have been; "" if it fits."""
     kind, inner = get_origin(hint) or hint, get_args(hint)
-    plain: bool = isinstance(value, PLAIN)  # else it was made already
-    if not plain or (isinstance(value, Mapping) and TARGET in value):
-        return
+    is_made = not isinstance(value, PLAIN)
+    if is_made or (isinstance(value, Mapping) and TARGET in value):
+        return ""
     if kind is Annotated:
-        yield from _wanted(value, inner[0])
-        yield from _outside(value, Key.of(hint), inner[0])
-    elif kind in (Union, UnionType):
-        yield from _alternatives(value, inner)
-    elif kind is Literal and value not in inner:
-        yield f"one of {', '.join(map(str, inner))}"
-    elif kind in NAMES and not _fits(value, kind):
-        yield NAMES[kind]
-    elif kind in LISTS and not isinstance(value, str):
-        items = inner if kind is tuple and Ellipsis not in inner else inner[:1] * len(value)
-        if inner and len(items) != len(value):
-            yield f"a list of {len(items)}"
-        for item, each in zip(value, items, strict=False):
-            yield from (f"a list, each {wanted}" for wanted in _wanted(item, each))
-    elif kind in MAPPINGS:
-        for item in value.values() if len(inner) == 2 else ():
-            yield from (f"names and values, each {wanted}" for wanted in _wanted(item, inner[1]))
+        return _wanted(value, inner[0]) or _outside(value, Key.of(hint), inner[0])
+    if kind in (Union, UnionType):
+        return _alternatives(value, inner)
+    if kind is Literal:
+        return "" if value in inner else f"one of {', '.join(map(str, inner))}"
+    if kind in NAMES and not _fits(value, kind):
+        return NAMES[kind]
+    if kind in LISTS and not isinstance(value, str):
+        hints = inner if kind is tuple and Ellipsis not in inner else inner[:1] * len(value)
+        if inner and len(hints) != len(value):
+            return f"a list of {len(hints)}"
+        return _wanted_of_items("a list", value, hints)
+    if kind in MAPPINGS and len(inner) == 2:
+        return _wanted_of_items("names and values", value.values(), inner[1:] * len(value))
+    return ""
 
 
-def _outside(value: Any, key: Key, hint: Any) -> Iterator[str]:  # noqa: ANN401
-    """Yield what a value of the right type should have been, if it or an item is not allowed."""
+def _wanted_of_items(what: str, items: Iterable[Any], hints: Iterable[Any]) -> str:
+    """Return what all items should have been, by the first that does not fit."""
+    wanted = (_wanted(item, hint) for item, hint in zip(items, hints, strict=False))
+    return next((f"{what}, each {item}" for item in wanted if item), "")
+
+
+def _outside(value: Any, key: Key, hint: Any) -> str:  # noqa: ANN401
+    """Return what a value of the right type should have been; "" if it is allowed."""
     several = isinstance(value, list | tuple)
     items = value if several else [value]
     null = NoneType in get_args(hint) and not several
     beginning, end = "a list, each " * several, " or null" * null
     if any(isinstance(item, int | float) and not key.allows(item) for item in items):
-        yield f"{beginning}a number in {key.range}{key.unit and f' {key.unit}'}{end}"
-    elif key.choices and any(item is not None and item not in key.choices for item in items):
-        yield f"{beginning}one of {', '.join(map(str, key.choices))}{end}"
+        return f"{beginning}a number in {key.range}{key.unit and f' {key.unit}'}{end}"
+    if key.choices and any(item is not None and item not in key.choices for item in items):
+        return f"{beginning}one of {', '.join(map(str, key.choices))}{end}"
+    return ""
 
 
-def _alternatives(value: Any, hints: tuple[Any, ...]) -> Iterator[str]:  # noqa: ANN401
-    """Yield what a value should have been, if it fits none of several annotations.
+def _alternatives(value: Any, hints: tuple[Any, ...]) -> str:  # noqa: ANN401
+    """Return what a value should have been; "" if it fits one of several annotations.
 
     Beside plain values another class takes its objects alone, and a path text.
     """
     plain = [hint for hint in hints if (get_origin(hint) or hint) in {*NAMES, Annotated, Literal}]
     others = [hint for hint in hints if hint not in plain]
     if others and not [hint for hint in plain if hint is not NoneType]:
-        return
+        return ""
     text = isinstance(value, str) and any(
         isinstance(each, type) and issubclass(each, os.PathLike) for each in others
     )
     if text or any(isinstance(value, each) for each in others if isinstance(each, type)):
-        return
-    missed = [[*_wanted(value, hint)] for hint in plain]
-    if all(missed):
-        yield " or ".join(dict.fromkeys(wanted[0] for wanted in missed))
+        return ""
+    missed = [_wanted(value, hint) for hint in plain]
+    return " or ".join(dict.fromkeys(missed)) if all(missed) else ""
 
 
 def _fits(value: Any, kind: Any) -> bool:  # noqa: ANN401
