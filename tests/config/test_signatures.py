@@ -177,7 +177,7 @@ def test_no_value_of_a_key_ends_in_a_traceback_before_the_training(
     def reached(*_: object, **__: object) -> None:
         raise Reached
 
-    monkeypatch.setattr("tex_lightning.tasks.fit.fit_fold", reached)
+    monkeypatch.setattr("tex_lightning.tasks.fit.train_and_test", reached)
     folder = ["data=folder", f"data.root={surfaces}", f"data.cache_dir={cache}"]
     given = [model, "debug=tiny", "data.half_scale=false", *folder]
     keys = sorted(flatten(OmegaConf.to_container(compose_config(given), resolve=False)))

@@ -1,7 +1,10 @@
-"""Train and test all networks of a model on one fold.
+"""Train and test the networks of a model on one fold.
 
-:func:`open_and_show` opens the data, :func:`run_fold` trains and tests and writes the results. The
-networks are trained by :mod:`tex_lightning.learning.train`, and tested by
+A task opens its data by :func:`open_and_show`, a program that shows nothing by
+:func:`open_training`. :func:`train_model` then only trains. :func:`train_and_test` tests each
+network, too, as soon as it is trained, and gives its entry of ``results.json``;
+:func:`run_fold`, for one fold of several, writes that file (:func:`training_results`) beside it.
+The networks are trained by :mod:`tex_lightning.learning.train`, and tested by
 :mod:`.evaluate_checkpoint`.
 """
 
@@ -42,6 +45,16 @@ from tex_lightning.studies.evaluate_checkpoint import (
 log = logging.getLogger(__name__)
 
 
+def open_and_show(config: Config, directory: Path, trains: Iterable[Folding]) -> Dataset:
+    """Open the data set of one or several trainings, and print its description."""
+    dataset, model = open_training(config, directory), config.model
+    note_recordings([*dataset.recordings, *dataset.unknown], directory)
+    parts = "" if model.baseline or model.kind != FUSION else f": {', '.join(model.trained)}"
+    keep = directory if is_rank_zero() else None
+    show_opening(config.data, dataset, f"{model.name}{parts}", trains=trains, keep_in=keep)
+    return dataset
+
+
 def open_training(config: Config, directory: Path) -> Dataset:
     """Check what a training is made of, and open its data set.
 
@@ -55,69 +68,6 @@ def open_training(config: Config, directory: Path) -> Dataset:
     card = configured_card(config, dataset.classes)
     check_custom_parts(config, card, senses, dataset.recordings, dataset.store)
     return dataset.usable(senses, skip_bad=config.data.skip_bad)
-
-
-def open_and_show(config: Config, directory: Path, trains: Iterable[Folding]) -> Dataset:
-    """Open the data set of one or several trainings, and print its description."""
-    dataset, model = open_training(config, directory), config.model
-    note_recordings([*dataset.recordings, *dataset.unknown], directory)
-    parts = "" if model.baseline or model.kind != FUSION else f": {', '.join(model.trained)}"
-    keep = directory if is_rank_zero() else None
-    show_opening(config.data, dataset, f"{model.name}{parts}", trains=trains, keep_in=keep)
-    return dataset
-
-
-def chosen_folds(count: int, only: list[int] | None) -> list[int]:
-    """Return the folds that ``crossval.only`` asks for, or all of ``count``.
-
-    Raises:
-        UserError: If one does not exist.
-    """
-    chosen = list(range(count)) if only is None else only
-    if not chosen or any(fold not in range(count) for fold in chosen):
-        raise UserError(f"crossval.only={chosen} must name folds from 0 to {count - 1}.")
-    return sorted(set(chosen))
-
-
-def training_results(
-    config: Config, dataset: Dataset, networks: dict[str, Any], seconds: float
-) -> dict[str, Any]:
-    """Return ``results.json`` of a training, with the sources of first weights."""
-    model, begun = config.model, {**config.sources, **config.model.checkpoints}
-    weights = {name: begun.get(name, _first_weights(model, name)) for name in model.senses}
-    baseline = model.baseline is not None
-    frame = results_frame(config, model.name, dataset, networks, seconds, baseline=baseline)
-    return {**frame, "weights": weights}
-
-
-def _first_weights(model: ModelConfig, sense: str) -> str:
-    """Return what a training without a source begins with: a fit has no weights but a trunk's."""
-    fits = model.baseline is not None or not model.fit_values(sense)["epochs"]
-    return NO_WEIGHTS if fits and trunk_name(model, sense) in (sense, "None") else RANDOM
-
-
-def finished_results(home: Path, what: str) -> dict[str, Any]:
-    """Return the results of a run or a fold, called ``what``, if it was finished earlier."""
-    results = read_results(home)
-    if results:
-        log.info("%s is finished already.", what)
-    return results
-
-
-def run_fold(
-    config: Config, dataset: Dataset, home: Path, *, networks_in: Path | None = None
-) -> dict[str, Any]:
-    """Train and test on one fold of several; write its ``results.json`` and return it.
-
-    The arguments are those of :func:`fit_fold`. A process that is not rank zero has no results.
-    """
-    begin = time.perf_counter()
-    networks = fit_fold(config, dataset, home, networks_in=networks_in)
-    if not is_rank_zero():
-        return {}
-    results = training_results(config, dataset, networks, time.perf_counter() - begin)
-    write_results(home, results)
-    return results
 
 
 def train_model(config: Config, dataset: Dataset, directory: Path) -> SurfaceClassifier:
@@ -134,7 +84,23 @@ def train_model(config: Config, dataset: Dataset, directory: Path) -> SurfaceCla
     return classifier
 
 
-def fit_fold(
+def run_fold(
+    config: Config, dataset: Dataset, home: Path, *, networks_in: Path | None = None
+) -> dict[str, Any]:
+    """Train and test on one fold of several; write its ``results.json`` and return it.
+
+    Arguments are those of :func:`train_and_test`. A process that is not rank zero has no results.
+    """
+    begin = time.perf_counter()
+    networks = train_and_test(config, dataset, home, networks_in=networks_in)
+    if not is_rank_zero():
+        return {}
+    results = training_results(config, dataset, networks, time.perf_counter() - begin)
+    write_results(home, results)
+    return results
+
+
+def train_and_test(
     config: Config,
     dataset: Dataset,
     directory: Path,
@@ -217,3 +183,40 @@ def _log_result(card: Card, result: Mapping[str, Any], train: Recordings, by: Fo
             "%s: trained on %d recordings in %.1f s, and not tested.",
             title[0].upper() + title[1:], len(train.of(*card.modalities)), result["fit_seconds"],
         )  # fmt: skip
+
+
+def training_results(
+    config: Config, dataset: Dataset, networks: dict[str, Any], seconds: float
+) -> dict[str, Any]:
+    """Return ``results.json`` of a training, with the sources of first weights."""
+    model, begun = config.model, {**config.sources, **config.model.checkpoints}
+    weights = {name: begun.get(name, _first_weights(model, name)) for name in model.senses}
+    baseline = model.baseline is not None
+    frame = results_frame(config, model.name, dataset, networks, seconds, baseline=baseline)
+    return {**frame, "weights": weights}
+
+
+def _first_weights(model: ModelConfig, sense: str) -> str:
+    """Return what a training without a source begins with: a fit has no weights but a trunk's."""
+    fits = model.baseline is not None or not model.fit_values(sense)["epochs"]
+    return NO_WEIGHTS if fits and trunk_name(model, sense) in (sense, "None") else RANDOM
+
+
+def finished_results(home: Path, what: str) -> dict[str, Any]:
+    """Return the results of a run or a fold, called ``what``, if it was finished earlier."""
+    results = read_results(home)
+    if results:
+        log.info("%s is finished already.", what)
+    return results
+
+
+def chosen_folds(count: int, only: list[int] | None) -> list[int]:
+    """Return the folds that ``crossval.only`` asks for, or all of ``count``.
+
+    Raises:
+        UserError: If one does not exist.
+    """
+    chosen = list(range(count)) if only is None else only
+    if not chosen or any(fold not in range(count) for fold in chosen):
+        raise UserError(f"crossval.only={chosen} must name folds from 0 to {count - 1}.")
+    return sorted(set(chosen))

@@ -37,9 +37,9 @@ from tex_lightning.studies.evaluate_checkpoint import (
 from tex_lightning.studies.fold import (
     chosen_folds,
     finished_results,
-    fit_fold,
     open_and_show,
     run_fold,
+    train_and_test,
     training_results,
 )
 
@@ -111,7 +111,7 @@ def _refit(
         name: {**{key: entry[key] for key in COUNTS}, "folds": len(entry["folds"])}
         for name, entry in pooled.items()
     }
-    networks = fit_fold(config, dataset, directory, crossvalidated=known)
+    networks = train_and_test(config, dataset, directory, crossvalidated=known)
     for name, entry in networks.items() if is_rank_zero() else ():
         if entry[CROSSVAL] != known[name]:  # more folds were tested since it was trained
             classifier = load_classifier(path := checkpoint_of(directory, name))
