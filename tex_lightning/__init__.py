@@ -1,55 +1,21 @@
 """Surface material classification from acceleration traces and photos."""
 
 import os
+import re
 import sys
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from tex_lightning.classifier.classifier import SurfaceClassifier as SurfaceClassifier
-    from tex_lightning.cli import Results as Results
-    from tex_lightning.cli import train as train
-    from tex_lightning.data.datamodule import SurfaceData as SurfaceData
-    from tex_lightning.data.manifest import read_manifest as read_manifest
-    from tex_lightning.data.readers.folder import read_folder as read_folder
-    from tex_lightning.data.recordings import Recording as Recording
-    from tex_lightning.data.recordings import Recordings as Recordings
-    from tex_lightning.errors import UserError as UserError
-    from tex_lightning.estimator import Estimator as Estimator
-    from tex_lightning.inference.prediction import Prediction as Prediction
-    from tex_lightning.inference.predictor import Predictor as Predictor
-    from tex_lightning.inference.predictor import load as load
-    from tex_lightning.networks.fusionnet import FusionNet as FusionNet
-    from tex_lightning.networks.hapticnet import HapticNet as HapticNet
-    from tex_lightning.networks.visualnet import VisualNet as VisualNet
 
 if find_spec("tex_lightning_runtime") is None:  # a checkout that is not installed
     sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 
 __version__ = "0.2.0"
 
-# Where a public name is defined. Most modules need PyTorch, which is imported when one is asked
-# for: a mistyped command fails before.
-_MODULES = {
-    "Estimator": "estimator",
-    "FusionNet": "networks.fusionnet",
-    "HapticNet": "networks.hapticnet",
-    "Prediction": "inference.prediction",
-    "Predictor": "inference.predictor",
-    "Recording": "data.recordings",
-    "Recordings": "data.recordings",
-    "Results": "cli",
-    "SurfaceClassifier": "classifier.classifier",
-    "SurfaceData": "data.datamodule",
-    "UserError": "errors",
-    "VisualNet": "networks.visualnet",
-    "load": "inference.predictor",
-    "read_folder": "data.readers.folder",
-    "read_manifest": "data.manifest",
-    "train": "cli",
-}
+# Public names by their module, as the stub beside this file lists them. Most modules need PyTorch,
+# which is imported when one is asked for: a mistyped command fails before.
+_STUB = Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")
+_MODULES = {name: module for module, name in re.findall(r"^from (\S+) import (\w+)", _STUB, re.M)}
 
 __all__ = [*_MODULES]
 
@@ -65,7 +31,7 @@ def __getattr__(name: str) -> object:
     """Import a public name on first use."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+    return getattr(import_module(_MODULES[name]), name)
 
 
 def __dir__() -> list[str]:

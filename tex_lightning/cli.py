@@ -25,14 +25,14 @@ from omegaconf import DictConfig, OmegaConf
 from tex_lightning.config import CONF, SILENT, Config, Job, flatten, plain_values, register
 from tex_lightning.config.check import checked_config
 from tex_lightning.config.composition import as_composed, current_job, run_composed, split_flags
-from tex_lightning.config.help_text import answer
+from tex_lightning.config.help_text import requested_help
 from tex_lightning.config.mistakes import check_choices, to_user_error
 from tex_lightning.config.overrides import key_of, parsed_overrides
 from tex_lightning.config.tasks import NO_FOLDER, TRAINING
 from tex_lightning.config.user_folders import use_config_dir
 from tex_lightning.core.console import Screen, console, say, show_rank_zero, verbosity
 from tex_lightning.core.contract import fault_of
-from tex_lightning.core.progress import finishing
+from tex_lightning.core.progress import ending_stages
 from tex_lightning.core.ranks import is_rank_zero, requeueing
 from tex_lightning.core.run_folder import (
     FAILURE,
@@ -55,7 +55,7 @@ PATIENCE = 10.0  # seconds by which processes that were started together may dif
 # Hydra could not make a run folder.
 STARTED: list[tuple[Path, str]] = []
 
-TURN = RLock()  # one run at a time: Hydra's state, logging and threads belong to the process
+RUN_LOCK = RLock()  # one run at a time: Hydra's state, logging and threads belong to the process
 
 log = logging.getLogger(__name__)
 
@@ -114,12 +114,12 @@ def train(*overrides: str) -> Results:
                 "classify with tex_lightning.load."
             )
         with quick_import():
-            from tex_lightning.core.devices import own_defaults
-        with own_defaults():
+            from tex_lightning.core.devices import torch_defaults
+        with torch_defaults():
             run_task(job)
         return Results(read_results(job.directory) if is_rank_zero() else {}, job.directory)
 
-    with TURN:
+    with RUN_LOCK:
         try:
             results: Results = run_composed(run, use_config_dir(overrides))
         except Exception as error:
@@ -142,19 +142,19 @@ def main() -> int:
     arguments = sys.argv[1:]
     try:
         use_config_dir(arguments)
-        if text := answer(arguments):
+        if text := requested_help(arguments):
             print(text, flush=True)
             return 0
         return _run(arguments)
     except KeyboardInterrupt:
-        return _told_interrupted()
+        return _report_interrupt()
     except BrokenPipeError:  # of `| head`; Python would complain once more when it ends
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:
         if _follows_interrupt(error):
-            return _told_interrupted()
-        if (status := _told(error, began=bool(STARTED))) is None:
+            return _report_interrupt()
+        if (status := _report_error(error, began=bool(STARTED))) is None:
             raise
         return status
 
@@ -166,14 +166,14 @@ def _follows_interrupt(error: BaseException | None) -> bool:
     return error is not None
 
 
-def _told_interrupted() -> int:
+def _report_interrupt() -> int:
     """Print how to continue the run and return the exit status of Ctrl-C."""
     if is_rank_zero():
-        say(_interrupted())
+        say(_how_to_continue())
     return INTERRUPTED
 
 
-def _told(error: Exception, *, began: bool) -> int | None:
+def _report_error(error: Exception, *, began: bool) -> int | None:
     """Print what ended a command and return its exit status; None if it is a fault of the program.
 
     What a user's own class raised keeps its traceback, after one line that names its key.
@@ -215,7 +215,7 @@ def _run(arguments: Sequence[str]) -> int:
         overrides.append("hydra/job_logging=none")
     sys.argv[1:] = [*flags, *as_composed(overrides)]
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
-    with finishing():
+    with ending_stages():
         entry()
     from tex_lightning.report.sweep import SweepSummary
 
@@ -223,7 +223,7 @@ def _run(arguments: Sequence[str]) -> int:
     return FAILED if failures else 0
 
 
-def _interrupted() -> str:
+def _how_to_continue() -> str:
     """Return the message after Ctrl-C: how to continue the run."""
     for directory, override in reversed(STARTED):
         if override and holds_work(directory):
@@ -244,8 +244,8 @@ def run_job(composed: DictConfig) -> float | None:
         _check_search(job)
         (job.directory / FAILURE).unlink(missing_ok=True)
     place = OmegaConf.select(job.hydra, "hydra.sweep.dir") if swept else job.directory
-    again = f"hydra.{'sweep' if swept else 'run'}.dir={place}"
-    STARTED.append((job.directory, "" if composed.task in NO_FOLDER else again))
+    again = "" if composed.task in NO_FOLDER else f"{job.folder_key}={place}"
+    STARTED.append((job.directory, again))
     try:
         return run_task(job)
     except Exception as error:
@@ -254,7 +254,7 @@ def run_job(composed: DictConfig) -> float | None:
         if not swept:
             if not job.named:
                 remove_if_empty(job.directory)
-            if (status := _told(error, began=True)) is None:
+            if (status := _report_error(error, began=True)) is None:
                 raise
             raise SystemExit(status) from error  # else Hydra would print a line of its own
         if (mistake := to_user_error(error, began=True)) is None:
@@ -323,9 +323,10 @@ def _run_in_folder(config: Config, job: Job) -> dict[str, Any]:
     locked = is_rank_zero() and config.task not in SILENT
     lock = locked_folder(job.directory) if locked else nullcontext()
     again = nullcontext() if config.task in SILENT else requeueing()
-    with verbosity(config.verbose), finishing(), lock, again:
+    with verbosity(config.verbose), ending_stages(), lock, again:
         if is_rank_zero() and config.task not in NO_FOLDER:
-            claim_folder(job, flatten(plain_values(config)))
+            values = flatten(plain_values(config))
+            claim_folder(job.directory, values, job.record, job.folder_key)
         # a task is imported when it runs: most take Lightning, which predictions do without
         with quick_import():
             task = import_module(f"tex_lightning.tasks.{config.task}")

@@ -31,7 +31,7 @@ from sklearn.utils.validation import (
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.cli import TURN
+from tex_lightning.cli import RUN_LOCK
 from tex_lightning.config import Config, Job
 from tex_lightning.config.check import checked_config
 from tex_lightning.config.composition import compose_config
@@ -39,21 +39,21 @@ from tex_lightning.config.mistakes import to_user_error
 from tex_lightning.config.overrides import as_key_value, named_model
 from tex_lightning.config.signatures import misfits
 from tex_lightning.config.user_folders import use_config_dir
-from tex_lightning.core.console import messages, verbosity
-from tex_lightning.core.devices import own_defaults
-from tex_lightning.core.progress import finishing
+from tex_lightning.core.console import showing_messages, verbosity
+from tex_lightning.core.devices import torch_defaults
+from tex_lightning.core.progress import ending_stages
 from tex_lightning.core.run_folder import checkpoint_of
 from tex_lightning.data.derived_settings import derive_settings
 from tex_lightning.data.readers.arrays import (
     MANIFEST,
     Given,
     GivenSample,
-    by_name,
     check_complete,
-    each,
     groups_of,
     is_table,
+    labels_by_name,
     labels_of,
+    map_samples,
     samples_of,
     with_rate,
     write_samples,
@@ -191,8 +191,8 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
     def predict(self, X: Any) -> Array:  # noqa: ANN401
         """Return a label for each recording; ``unknown`` as text with ``decision.unknown``."""
         with self._to_classify(X) as samples:
-            labels = [str(prediction.label) for prediction in each(samples, self._predicted)]
-        known = by_name(self.classes_)
+            labels = [str(prediction.label) for prediction in map_samples(samples, self._predicted)]
+        known = labels_by_name(self.classes_)
         dtype = self.classes_.dtype if {*labels} <= known.keys() else object
         return np.array([known.get(label, label) for label in labels], dtype=dtype)
 
@@ -201,7 +201,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         check_is_fitted(self)
         true = column_or_1d(y)
         check_complete("y", y)
-        names = {label: name for name, label in by_name(self.classes_).items()}
+        names = {label: name for name, label in labels_by_name(self.classes_).items()}
         given, found = (
             [names.get(label, str(label)) for label in labels.tolist()]
             for labels in (true, self.predict(X))
@@ -211,15 +211,15 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
     def predict_proba(self, X: Any) -> Floats:  # noqa: ANN401
         """Return mean probabilities (samples, classes) over all fragments, which sum to 1."""
         with self._to_classify(X) as samples:
-            rows = [prediction.probabilities for prediction in each(samples, self._predicted)]
-        names = [*by_name(self.classes_)]
+            rows = [found.probabilities for found in map_samples(samples, self._predicted)]
+        names = [*labels_by_name(self.classes_)]
         return np.array([[row[name] for name in names] for row in rows], dtype=np.float64)
 
     @torch.inference_mode()
     def transform(self, X: Any) -> Array:  # noqa: ANN401
         """Return embeddings (samples, D): mean features before the class scores, sense by sense."""
         with self._to_classify(X) as samples:
-            return np.stack([*each(samples, self._embedding)])
+            return np.stack([*map_samples(samples, self._embedding)])
 
     def _embedding(self, sample: GivenSample) -> Array:
         classifier, decoded = self.predictor_.classifier, self._decoded(sample)
@@ -250,12 +250,12 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             without rests where the model leaves them out.
         """
         with self._to_classify(X) as samples:
-            return [*each(samples, self._explained)]
+            return [*map_samples(samples, self._explained)]
 
     def _explained(self, sample: GivenSample) -> dict[str, Array]:
         """Return probabilities (rows, columns, classes) of fragments in the order of classes."""
         classifier, decoded = self.predictor_.classifier, self._decoded(sample)
-        places = [classifier.card.classes.index(label) for label in by_name(self.classes_)]
+        places = [classifier.card.classes.index(label) for label in labels_by_name(self.classes_)]
         found = {}
         for name, sense in classifier.senses.items():
             if sense.modality in decoded:
@@ -273,7 +273,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         check_is_fitted(self)
         classes, labels = labels_of(y, least=1)
         before, together = self.predictor_, np.unique(np.concatenate([self.classes_, classes]))
-        if by_name(together).keys() != by_name(self.classes_).keys() | {*labels}:
+        if labels_by_name(together).keys() != labels_by_name(self.classes_).keys() | {*labels}:
             raise InvalidInput(
                 f"The classes are {self.classes_.dtype}, and y is {classes.dtype}; give labels of "
                 "the same type."
@@ -283,7 +283,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             check_consistent_length(samples, labels)
             manifest = write_samples(samples, labels, None, folder)
             given = ["task=enroll", as_key_value("checkpoint", manifest)]
-            composed = compose_config([*given, *_data(manifest, folder, self.rate)])
+            composed = compose_config([*given, *_manifest_overrides(manifest, folder, self.rate)])
             data = checked_config(composed).data
             extended = enroll(before.classifier, open_new_classes(data, before.classifier))
             self.predictor_ = Predictor(extended, before.config)
@@ -302,7 +302,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         """
         with self._to_classify(X) as samples:
             before = self.predictor_
-            features = sample_features(before.classifier, each(samples, self._decoded))
+            features = sample_features(before.classifier, map_samples(samples, self._decoded))
             self.adaptation_ = adapt(before.classifier, features, before.card.unknown_above)
             self.predictor_ = Predictor(self.adaptation_.classifier, before.config)
         if self.adaptation_.reason:
@@ -360,11 +360,11 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         if wrong := "; ".join(misfits("", type(self), self.get_params() | {"model": ""})):
             raise InvalidInput(f"{wrong}.")
         with ExitStack() as stack:
-            stack.enter_context(TURN)
+            stack.enter_context(RUN_LOCK)
             stack.enter_context(verbosity(self.verbose))
-            stack.enter_context(messages())
-            stack.enter_context(finishing())
-            stack.enter_context(own_defaults())
+            stack.enter_context(showing_messages())
+            stack.enter_context(ending_stages())
+            stack.enter_context(torch_defaults())
             scratch = stack.enter_context(tempfile.TemporaryDirectory(prefix="tex_lightning_"))
             folder = Path(scratch).resolve()
             stack.callback(use_config_dir, [])
@@ -376,7 +376,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
                 mistake = to_user_error(error, began=True)
                 if mistake is None:
                     raise
-                raise InvalidInput(*_relative(mistake.args, folder)) from error
+                raise InvalidInput(*_without_folder(mistake.args, folder)) from error
 
     @contextmanager
     def _to_classify(self, X: Any) -> Iterator[list[GivenSample]]:  # noqa: ANN401
@@ -389,14 +389,14 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             yield self._samples(X, modalities)
 
     def _predicted(self, sample: GivenSample) -> Prediction:
-        recordings, rates = self._rated(sample)
+        recordings, rates = self._with_rates(sample)
         return self.predictor_.predict(rate=rates, **recordings)
 
     def _decoded(self, sample: GivenSample) -> dict[str, tuple[torch.Tensor, Quality]]:
-        recordings, rates = self._rated(sample)
+        recordings, rates = self._with_rates(sample)
         return self.predictor_.decoded(recordings, rate=rates)
 
-    def _rated(self, sample: GivenSample) -> tuple[dict[str, Given], dict[str, float | None]]:
+    def _with_rates(self, sample: GivenSample) -> tuple[dict[str, Given], dict[str, float | None]]:
         """Return recordings, and the rate of each that has one of its own or none."""
         pairs = {name: with_rate(given) for name, given in sample.items() if given is not None}
         usual = None if self.rate is None else float(self.rate)
@@ -425,7 +425,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         return [
             "task=fit",
             named_model(self.model),
-            *_data(folder / MANIFEST, folder, self.rate),
+            *_manifest_overrides(folder / MANIFEST, folder, self.rate),
             *(as_key_value(name, value) for name, value in given.items()),
         ]
 
@@ -439,7 +439,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             self.run_folder_ = folder = expanded(self.directory).resolve() / name
         with prepared(config, job):
             dataset = open_training(config, folder)
-            self.notes_ = _relative(recording_notes(dataset), job.directory)
+            self.notes_ = _without_folder(recording_notes(dataset), job.directory)
             train_model(config, dataset, folder)
         return load_classifier(checkpoint_of(folder, config.model.kind))
 
@@ -454,14 +454,14 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         return tags
 
 
-def _data(manifest: Path, cache: Path, rate: float | None) -> list[str]:
+def _manifest_overrides(manifest: Path, cache: Path, rate: float | None) -> list[str]:
     """Return overrides for a manifest, all of which is used; what is decoded goes with it."""
     given = {"data.manifest": manifest, "data.cache_dir": cache, "data.file_rate": rate}
     everything = ["data=manifest", "data.test_fold=null"]
     return [*everything, *(as_key_value(name, value) for name, value in given.items())]
 
 
-def _relative(lines: Sequence[object], folder: Path) -> list[str]:
+def _without_folder(lines: Sequence[object], folder: Path) -> list[str]:
     """Return lines with the names of a folder's files alone."""
     return [str(line).replace(f"{folder}{os.sep}", "") for line in lines]
 

@@ -9,15 +9,7 @@ import numpy as np
 
 from tex_lightning_runtime.column import MIN_RISING, TIMES, Column
 from tex_lightning_runtime.samples import Array
-from tex_lightning_runtime.times import (
-    EPOCH,
-    EVEN,
-    MIN_STAMPS,
-    NOMINAL,
-    TURNS,
-    UNITS,
-    TableError,
-)
+from tex_lightning_runtime.times import EPOCH, EVEN, MIN_STAMPS, NOMINAL, TURNS, UNITS, TableError
 
 
 def find_time(

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 import tex_lightning as tl
-from tex_lightning.core.devices import computing_threads, in_threads, own_defaults
+from tex_lightning.core.devices import computing_threads, in_threads, torch_defaults
 
 
 @pytest.fixture
@@ -46,7 +46,7 @@ def test_defaults_of_a_program_are_not_used_and_stay_as_they_are(untrained):
     torch.set_default_device("meta")
     try:
         tl.load(untrained / "checkpoints" / "haptic.ckpt")
-        with own_defaults():
+        with torch_defaults():
             np.random.seed(1)  # noqa: NPY002  (as aeon does)
             torch.manual_seed(1)
             torch.use_deterministic_algorithms(True)  # as trainer.deterministic=true does

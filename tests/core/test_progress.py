@@ -15,7 +15,7 @@ from terminal import Screen
 from tex_lightning.core import console as screen
 from tex_lightning.core import progress
 from tex_lightning.core.console import ConsoleHandler, verbosity
-from tex_lightning.core.progress import Stage, finishing, track
+from tex_lightning.core.progress import Stage, ending_stages, track
 
 
 def use(monkeypatch, file: io.StringIO, **options: object) -> io.StringIO:
@@ -108,7 +108,7 @@ def test_no_line_is_lost_where_a_thread_redraws_fewer_bars(terminal, log, monkey
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
 def test_an_interruption_leaves_no_line_and_shows_the_cursor(terminal, error):
     def run() -> None:
-        with finishing(), Stage("fold", 3):
+        with ending_stages(), Stage("fold", 3):
             for _ in track(range(3), "Testing"):
                 assert terminal.cursor_is_hidden
                 raise error

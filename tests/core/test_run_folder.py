@@ -6,13 +6,12 @@ import os
 import signal
 import time
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from tex_lightning.config import CONF, register, subject
+from tex_lightning.config import CONF, Job, register, subject
 from tex_lightning.config.quoting import as_typed
 from tex_lightning.core.run_folder import (
     claim_folder,
@@ -83,27 +82,24 @@ def test_a_folder_belongs_to_one_process_until_that_ends(tmp_path):
 @pytest.mark.parametrize(("origin", "key"), [("sweep", "sweep"), ("command", "run")])
 def test_a_folder_of_another_run_is_refused_by_the_key_that_chose_it(tmp_path, origin, key):
     folder = make(tmp_path, "haptic", seed=1)
-    job = SimpleNamespace(directory=folder, origin=origin)
+    job = Job((), folder, origin, True, (), OmegaConf.create(), OmegaConf.create())
     with pytest.raises(UserError, match=rf"another seed; choose another hydra\.{key}\.dir"):
-        claim_folder(job, {"seed": 2})
+        claim_folder(folder, {"seed": 2}, job.record, job.folder_key)
 
 
 def test_a_run_goes_on_beside_senses_that_came_to_the_folder_since(tmp_path):
     base = {"model.senses": ["force"], "model.force._target_": "a", "model.force.width": 1}
     folder = make(tmp_path, "force", **base)
-    empty = OmegaConf.create()
-    job = SimpleNamespace(
-        directory=folder, origin="command", composed=empty, hydra=empty, overrides=()
-    )
-    claim_folder(job, {**base, "model.heat._target_": "b", "model.heat.width": 2})
-    claim_folder(job, base)
+    rest = {}, "hydra.run.dir"
+    claim_folder(folder, {**base, "model.heat._target_": "b", "model.heat.width": 2}, *rest)
+    claim_folder(folder, base, *rest)
     wrong = (
         {"model.force.width": 2}, {"model.baseline._target_": "b"}, {"data.reader._target_": "b"},
         {"model.senses": ["force", "heat"], "model.heat._target_": "b"},
     )  # fmt: skip
     for change in wrong:
         with pytest.raises(UserError, match=f"another {min(change)}"):
-            claim_folder(job, {**base, **change})
+            claim_folder(folder, {**base, **change}, *rest)
 
 
 @pytest.mark.parametrize("number", [errno.ENOLCK, errno.EOPNOTSUPP])

@@ -62,12 +62,17 @@ def test_the_result_adds_nothing_to_the_recipe_but_calibration_and_training(
 ):
     config, dataset = opened(run_once(*model, *tiny), tmp_path)
     parts = dataset.parts(config.data)
-    known = {config.model.kind: {"crossval": {"correct": 1, "test_samples": 2}}}
+    crossval = {"correct": 1, "test_samples": 2}
     ((training, classifier),) = train_networks(
-        config, dataset.classes, parts, dataset.store, tmp_path, known=known
+        config,
+        dataset.classes,
+        parts,
+        dataset.store,
+        tmp_path,
+        crossvalidated={config.model.kind: crossval},
     )
     recipe, result = training.card, classifier.card
-    assert (recipe.calibration, recipe.training) == ({}, known[config.model.kind])
+    assert (recipe.calibration, recipe.training) == ({}, {"crossval": crossval})
     assert len(recipe.trained_on["seen"]) == len([*parts.train, *parts.val])
     assert replace(result, calibration={}, training=recipe.training) == recipe
     assert result.training["crossval"] == recipe.training["crossval"]

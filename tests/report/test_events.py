@@ -15,7 +15,7 @@ from tensorboard.plugins.projector.projector_config_pb2 import ProjectorConfig
 
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
 from tex_lightning.report.gallery import figure_artifacts
-from tex_lightning.studies.evaluate_checkpoint import draw_figures
+from tex_lightning.studies.network_results import draw_figures
 
 
 def test_runs_sort_as_they_are_read_and_no_chart_is_called_epoch(fused):

@@ -11,13 +11,8 @@ from torch import Tensor, nn
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.checkpoint import read_checkpoint, reading
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.config.instantiation import (
-    PACKAGE,
-    TARGET,
-    make,
-    make_value,
-    trusted_class,
-)
+from tex_lightning.config.instantiation import PACKAGE, make, make_value, trusted_class
+from tex_lightning.config.signatures import TARGET
 from tex_lightning.core.contract import breach, calling, describe_value
 from tex_lightning.data.recordings import Recording, class_indices
 from tex_lightning.data.store import LazyRecordings, Store, load_recording

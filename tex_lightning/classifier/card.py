@@ -7,9 +7,8 @@ from math import inf
 from typing import Annotated, Any, Self
 
 from tex_lightning.config import Config, DecisionConfig
-from tex_lightning.config.instantiation import TARGET
 from tex_lightning.config.model import FUSION, FusionConfig, kind_of
-from tex_lightning.config.signatures import misfits
+from tex_lightning.config.signatures import TARGET, misfits
 from tex_lightning.config.static_signatures import read_signature
 from tex_lightning.errors import shorten
 

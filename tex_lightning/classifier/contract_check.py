@@ -23,7 +23,7 @@ from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.networks.trunks import Trunk
-from tex_lightning.senses.base import Change, Sense, as_tensor
+from tex_lightning.senses.base import Augment, Sense, as_tensor
 from tex_lightning.senses.signal import fit_closed_form
 
 log = logging.getLogger(__name__)
@@ -40,7 +40,7 @@ def check_parts(
     piece: int,
     recordings: Recordings,
     store: Store,
-    change: Change | None = None,
+    augment: Augment | None = None,
 ) -> None:
     """Check the parts of one sense: train it on two recordings, save it and load it again.
 
@@ -51,7 +51,7 @@ def check_parts(
         piece: Length or side of the pieces that it is trained on.
         recordings: Decoded recordings.
         store: Store of the decoded recordings.
-        change: The augmentation of photos; None for none.
+        augment: The augmentation of photos; None for none.
 
     Raises:
         UserError: If a part does not keep its contract.
@@ -69,7 +69,7 @@ def check_parts(
     _warn_of_parameters(sense)
     batch: Any = TrainingBatches({sense.name: (bank, labels)}, BATCH, 0)[0]
     classifier.train()
-    inputs = sense.training_input(batch[sense.name], piece, change)
+    inputs = sense.training_input(batch[sense.name], piece, augment)
     check_numbers(inputs, features)
     trunk = getattr(network, "trunk", None)
     if isinstance(trunk, Trunk) and not is_builtin(trunk):

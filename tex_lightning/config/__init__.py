@@ -148,6 +148,17 @@ class Job:
     composed: DictConfig
     hydra: DictConfig
 
+    @property
+    def folder_key(self) -> str:
+        """Key that names the run folder, or the folder of its sweep."""
+        return f"hydra.{'sweep' if self.origin == 'sweep' else 'run'}.dir"
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """Content of each file of ``.hydra`` in the run folder, by name."""
+        overrides = OmegaConf.create([*self.overrides])
+        return {"config": self.composed, "hydra": self.hydra, "overrides": overrides}
+
     def sets(self, key: str) -> bool:
         """Return whether an override gives a dotted key a value."""
         return any(item.lstrip("+").partition("=")[0] == key for item in self.overrides)

@@ -14,7 +14,7 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from omegaconf.errors import ConfigKeyError, OmegaConfBaseException
 
 from tex_lightning.config import READ_FILES, Config, flatten, trunk_name
-from tex_lightning.config.instantiation import TARGET, find_class
+from tex_lightning.config.instantiation import find_class
 from tex_lightning.config.keys import choice
 from tex_lightning.config.mistakes import refusal, unknown_key
 from tex_lightning.config.model import (
@@ -26,7 +26,7 @@ from tex_lightning.config.model import (
 )
 from tex_lightning.config.nodes import as_taken, is_node, node_complaints, shared_complaints, takes
 from tex_lightning.config.rules import RULES, unread_where_set
-from tex_lightning.config.signatures import misfits
+from tex_lightning.config.signatures import TARGET, misfits
 from tex_lightning.errors import UserError, nearest
 
 Sets = Callable[[str], bool]

@@ -20,12 +20,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config import CONF, Job, register
 from tex_lightning.config.quoting import as_typed
-from tex_lightning.config.user_folders import (
-    check_text,
-    config_groups,
-    is_added,
-    with_own_senses,
-)
+from tex_lightning.config.user_folders import check_text, config_groups, is_added, with_own_senses
 from tex_lightning.errors import UserError, reason
 
 NAME = "config"

@@ -46,7 +46,7 @@ More to read:
 Results land in hydra.run.dir. README.md leads to the pages in docs/."""
 
 
-def answer(arguments: Sequence[str]) -> str:
+def requested_help(arguments: Sequence[str]) -> str:
     """Return the text that a command line asks for in place of a run; empty if for none.
 
     Raises:

@@ -15,12 +15,12 @@ from typing import Any
 from tex_lightning.config.signatures import (
     HYDRAS,
     NAMED,
+    TARGET,
     converted,
     misfits,
     signature_of,
     strangers,
 )
-from tex_lightning.config.signatures import TARGET as TARGET
 from tex_lightning.config.user_folders import ENTRY_POINTS, installed_packages
 from tex_lightning.core.contract import keep_key, making, resolve
 from tex_lightning.errors import UserError, listed, shorten

@@ -153,7 +153,7 @@ class ConsoleHandler(logging.Handler):
 
 
 @contextmanager
-def messages() -> Iterator[None]:
+def showing_messages() -> Iterator[None]:
     """Print messages of a program in Python, as far as ``verbose`` allows; ``QUIET`` prints none.
 
     A program that configured logging gets the messages as it wants them.

@@ -178,7 +178,7 @@ def computing_threads(count: int | None = None) -> Iterator[None]:
 
 
 @contextmanager
-def own_defaults() -> Iterator[None]:
+def torch_defaults() -> Iterator[None]:
     """Work with the defaults that this package counts on, and leave a program's as they were.
 
     Whatever type and device a program in Python gives new tensors, here they are float32 on the

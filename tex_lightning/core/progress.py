@@ -149,7 +149,7 @@ def hidden() -> Iterator[None]:
 
 
 @contextmanager
-def finishing() -> Iterator[None]:
+def ending_stages() -> Iterator[None]:
     """Remove the levels that begin inside the context, also after an exception."""
     depth = len(Stage.levels)
     try:

@@ -4,10 +4,10 @@ import errno
 import json
 import logging
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from filelock import FileLock, Timeout
 from omegaconf import OmegaConf
@@ -15,9 +15,6 @@ from omegaconf import OmegaConf
 from tex_lightning.core.files import read_or_empty, read_record, unwritable, write_text
 from tex_lightning.errors import UserError, listed
 from tex_lightning_runtime.files import expanded, require_readable_name
-
-if TYPE_CHECKING:
-    from tex_lightning.config import Job
 
 log = logging.getLogger(__name__)
 
@@ -94,35 +91,38 @@ def remove_if_empty(directory: Path) -> None:
             folder.rmdir()
 
 
-def claim_folder(job: "Job", values: dict[str, Any]) -> None:
+def claim_folder(
+    directory: Path, values: Mapping[str, Any], record: Mapping[str, Any], key: str
+) -> None:
     """Write settings and overrides to the run folder, unless it holds another run.
 
     Hydra would write its own record before any check, so it is disabled
     and ``.hydra`` is written here.
 
+    Args:
+        directory: The run folder.
+        values: All settings by their dotted keys.
+        record: By name the content of each file of ``.hydra``.
+        key: Key that names the folder, for messages.
+
     Raises:
         UserError: If another run lives there; nothing of it is changed.
     """
-    directory = job.directory
     note = directory / SETTINGS
-    wanted = {key: value for key, value in values.items() if not key.startswith(FREE_KEYS)}
+    wanted = {name: value for name, value in values.items() if not name.startswith(FREE_KEYS)}
     if note.is_file() and holds_work(directory):
         before = read_record(note)
-        keys = (key for key in {*wanted, *before} if not _is_beside(key, wanted, before))
-        differing = sorted(key for key in keys if wanted.get(key) != before.get(key))
+        names = (name for name in {*wanted, *before} if not _is_beside(name, wanted, before))
+        differing = sorted(name for name in names if wanted.get(name) != before.get(name))
         if differing:
             differing = ["task"] if "task" in differing else differing  # which brings the others
             raise UserError(
                 f"Run folder {directory} holds a run with another {listed(differing)}; "
-                f"choose another hydra.{'sweep' if job.origin == 'sweep' else 'run'}.dir."
+                f"choose another {key}."
             )
         log.info("Going on with the run in %s.", directory)
     write_text(note, json.dumps(wanted, indent=1, sort_keys=True))
-    for name, content in (
-        ("config", job.composed),
-        ("hydra", job.hydra),
-        ("overrides", OmegaConf.create(list(job.overrides))),
-    ):
+    for name, content in record.items():
         write_text(directory / ".hydra" / f"{name}.yaml", OmegaConf.to_yaml(content))
 
 

@@ -21,8 +21,6 @@ from tex_lightning.data.store import Store, load_sample
 from tex_lightning.errors import UserError
 from tex_lightning.text import to_json
 
-# In place of the file that first weights came from
-RANDOM, NO_WEIGHTS = "random weights", "none"
 FILES = "files"
 
 

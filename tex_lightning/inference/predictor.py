@@ -17,7 +17,7 @@ from tex_lightning.config.check import checked_config
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.instantiation import trust
 from tex_lightning.config.mistakes import MISTAKES, explain
-from tex_lightning.core.devices import own_defaults, pick_device, synchronise, use_tf32
+from tex_lightning.core.devices import pick_device, synchronise, torch_defaults, use_tf32
 from tex_lightning.core.run_folder import find_checkpoint
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.recordings import check_is_list
@@ -63,7 +63,7 @@ def load(path: str | Path, *overrides: str, trusted: Sequence[str] = ()) -> "Pre
     composed.checkpoint = str(path)
     config = checked_config(composed)
     trust(*config.trusted, *trusted)
-    with own_defaults():  # which draws first weights
+    with torch_defaults():  # which draws first weights
         return Predictor(load_classifier(find_checkpoint(path)), config)
 
 

@@ -158,7 +158,7 @@ def _input_pictures(module: SurfaceModule, name: str, bank: Bank, labels: Indice
     else:
         before = [bank.inputs[index][..., :MAX_FRAMES] for index in chosen.tolist()]
     pieces = bank.cut(chosen, np.random.default_rng(module.seed))
-    after = [*sense.training_input(_on(pieces, sense.device), size, module.change)]
+    after = [*sense.training_input(_on(pieces, sense.device), size, module.augment)]
     kind = "spectrograms" if isinstance(sense.features, SpectrogramFeatures) else "features"
     kind = "photos" if sense.medium == "photo" else kind
     captions = [module.classifier.card.classes[labels[index]] for index in chosen.tolist()]

@@ -27,8 +27,8 @@ from tex_lightning.errors import UserError
 from tex_lightning.learning.validation import Validation
 from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.networks.fusionnet import FusionLayer
-from tex_lightning.senses.base import Change
-from tex_lightning.senses.photo import augment
+from tex_lightning.senses.base import Augment
+from tex_lightning.senses.photo import apply_augmentation
 
 REFRESH = 5  # steps, after which the progress bar shows new figures
 APART = 1 << 50  # between the dropout of two processes, more than seeds and epochs span
@@ -82,18 +82,18 @@ class SurfaceModule(LightningModule):
 
     def inputs(self, batch: Batch) -> list[Tensor]:
         """Return the network inputs (batch, ...) of a training batch, in float32, by sense."""
-        change, inputs = self.change if self.training else None, []
+        augment, inputs = self.augment if self.training else None, []
         for name, sense in self.classifier.senses.items():
             with full_precision(sense.device):
-                x = sense.training_input(batch[name], self.pieces[name], change)
+                x = sense.training_input(batch[name], self.pieces[name], augment)
             inputs.append(x.contiguous() if self.layout is torch.contiguous_format else x)
         return inputs
 
     @property
-    def change(self) -> Change | None:
+    def augment(self) -> Augment | None:
         """The recipe's augmentation of photos (batch, 3, side, side) in [0, 1], if any."""
-        key = f"model.{self.kind}.fit.augmentation"
-        return None if self.augmentation is None else partial(augment, key, self.augmentation)
+        key, augmentation = f"model.{self.kind}.fit.augmentation", self.augmentation
+        return None if augmentation is None else partial(apply_augmentation, key, augmentation)
 
     @property
     def network(self) -> Any:  # noqa: ANN401

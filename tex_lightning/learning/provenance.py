@@ -44,14 +44,14 @@ def complete_recipe(
     parts: Split,
     store: Store,
     unimodal: Mapping[str, SurfaceClassifier],
-    known: Mapping[str, Any],
+    training: dict[str, Any],
     trunk: SurfaceClassifier | None = None,
 ) -> Card:
     """Add to the card of a network the ranges and digests of its recordings, and its first weights.
 
     ``unimodal`` are the networks that FusionNet starts from, by sense; it takes their settings.
-    ``known`` are entries of ``training`` that are known beforehand, and ``trunk`` is the network
-    whose trunk it starts from.
+    ``training`` is what the card says of it beforehand, and ``trunk`` the network whose trunk it
+    starts from.
     """
     pretrained = {name: network.card for name, network in unimodal.items()}
     ranges = {name: seen for x in pretrained.values() for name, seen in x.input_ranges.items()}
@@ -62,7 +62,7 @@ def complete_recipe(
     source = None if card.baseline else config.sources.get(card.kind)
     cards = [*pretrained.values(), *([] if trunk is None else [trunk.card])]
     seen = trained_on(card, parts, config.data, cards, source)
-    return replace(card, senses=senses, input_ranges=ranges, trained_on=seen, training=dict(known))
+    return replace(card, senses=senses, input_ranges=ranges, trained_on=seen, training=training)
 
 
 def trained_on(

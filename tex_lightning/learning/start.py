@@ -151,7 +151,7 @@ def start_network(
         return
     network, (bank, labels) = module.network, batches.banks[module.kind]
     if hasattr(network, "fit") or scores_textures(network):
-        _tell_single_groups(labels, groups, module.classifier.card.classes)
+        _log_single_groups(labels, groups, module.classifier.card.classes)
     if hasattr(network, "fit"):
         with calling(f"model.{module.kind}.network", "network", network):
             fit_closed_form(network, bank, labels, groups)
@@ -163,7 +163,7 @@ def start_network(
         module.to("cpu")
 
 
-def _tell_single_groups(labels: Indices, groups: Sequence[str], classes: Sequence[str]) -> None:
+def _log_single_groups(labels: Indices, groups: Sequence[str], classes: Sequence[str]) -> None:
     """Log which classes have all recordings in one group, so that no group can be left out."""
     known = {*zip(labels.tolist(), groups, strict=True)}
     counts, grouped = Counter(labels.tolist()), Counter(label for label, _ in known)

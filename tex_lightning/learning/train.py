@@ -25,7 +25,7 @@ from lightning.pytorch.callbacks import LambdaCallback, Timer
 from lightning.pytorch.loggers import Logger
 
 from tex_lightning.baselines.classifier import BaselineClassifier, load_classifier
-from tex_lightning.classifier.card import Card, configured_card
+from tex_lightning.classifier.card import CROSSVAL, Card, configured_card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.core.console import log_once
@@ -63,16 +63,16 @@ def train_networks(
     store: Store,
     directory: Path,
     *,
-    shared_in: Path | None = None,
-    known: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
+    shared: Path | None = None,
+    crossvalidated: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
 ) -> Iterator[tuple["Training", SurfaceClassifier]]:
     """Train the networks of a model, one after the other.
 
     Classes are in the order of the outputs. Validation and test part may be empty; the test part is
     used only to reject given checkpoints that were trained on it. Finished checkpoints in the run
-    folder are loaded and not trained again; ``shared_in`` is a folder with networks that several
-    systems of a family have in common. ``known`` are the entries of each card's ``training`` that
-    are known beforehand.
+    folder are loaded and not trained again; ``shared`` is a folder with networks that several
+    systems of a family have in common. ``crossvalidated`` are results of a cross-validation by
+    network, for its card.
 
     Yields:
         Each training with its classifier, that of the whole model last.
@@ -91,10 +91,11 @@ def train_networks(
         card = whole if last else whole.of([name])
         unimodal = {sense: networks[sense] for sense in model.senses if last and sense in networks}
         trunk = load_trunk(config, card, parts.test)
-        card = complete_recipe(config, card, parts, store, unimodal, known.get(name, {}), trunk)
+        tested = {CROSSVAL: dict(crossvalidated[name])} if name in crossvalidated else {}
+        card = complete_recipe(config, card, parts, store, unimodal, tested, trunk)
         loggers = open_loggers(config.logger, directory, name)
         training = Training(config, card, parts, store, directory, unimodal, trunk, loggers)
-        networks[name] = training.run() if shared_in is None else training.run_shared(shared_in)
+        networks[name] = training.run() if shared is None else training.run_shared(shared)
         yield training, networks[name]
 
 

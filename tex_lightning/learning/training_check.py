@@ -86,7 +86,7 @@ def check_sense(module: SurfaceModule, recordings: Recordings, store: Store) -> 
     """Check one sense: train it on two recordings, save it and load it again."""
     classifier, piece = module.classifier, module.pieces[module.kind]
     rebuilt, fit = _rebuilt(classifier), module.fit_config
-    check_parts(classifier, rebuilt, fit, piece, recordings, store, module.change)
+    check_parts(classifier, rebuilt, fit, piece, recordings, store, module.augment)
 
 
 def check_fitted_baseline(classifier: BaselineClassifier, recordings: Sequence[Tensor]) -> None:

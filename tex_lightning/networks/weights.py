@@ -20,6 +20,8 @@ from tex_lightning.networks.trunks.base import Layout
 from tex_lightning_runtime.files import expanded
 
 log = logging.getLogger(__name__)
+# In place of the source that first weights came from
+RANDOM, NO_WEIGHTS = "random weights", "none"
 MAX_WEIGHT = 1e6  # of a weight; published ones are below 100, and larger ones overflow in a product
 LAYOUTS: dict[str, Layout] = {".npz": "caffe", ".pth": "efficientnet", ".pt": "efficientnet"}
 # Networks read values in 0-255 less a mean colour (R, G, B), divided by a number.

@@ -11,12 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from tex_lightning.core.console import console
-from tex_lightning.evaluation.robustness import (
-    KEPT_SHARE,
-    LEVEL,
-    StabilityRow,
-    find_failures,
-)
+from tex_lightning.evaluation.robustness import KEPT_SHARE, LEVEL, StabilityRow, find_failures
 from tex_lightning.perturbations.table import SEVERITIES, Perturbation
 from tex_lightning.report.style import COLOURS, GUIDE, Look, brief, styled
 from tex_lightning.report.table import Table, counted, make_table, print_tables

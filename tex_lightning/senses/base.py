@@ -28,7 +28,7 @@ from tex_lightning.networks.geometry import (
 from tex_lightning.networks.linear import LinearNet
 from tex_lightning_runtime.quality import Quality, Ranges
 
-Change = Callable[[Tensor], Tensor]
+Augment = Callable[[Tensor], Tensor]
 
 
 class Sense(nn.Module, ABC):
@@ -131,14 +131,14 @@ class Sense(nn.Module, ABC):
 
     @abstractmethod
     def training_input(
-        self, pieces: Mapping[str, Tensor], size: int, change: Change | None = None
+        self, pieces: Mapping[str, Tensor], size: int, augment: Augment | None = None
     ) -> Tensor:
         """Return the network input (batch, ...) of what the bank has cut.
 
         Args:
             pieces: Pieces that the bank has cut.
             size: Length or side of a piece.
-            change: Augmentation of photos (batch, 3, side, side) in [0, 1], applied before they
+            augment: Augmentation of photos (batch, 3, side, side) in [0, 1], applied before they
                 are normalised; None for none. Signals have none but that of ``pieces``.
         """
 

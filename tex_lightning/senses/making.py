@@ -6,8 +6,9 @@ from typing import Any
 from torch import nn
 from torch.nn.parameter import is_lazy
 
-from tex_lightning.config.instantiation import TARGET, make, make_value, trusted_class
+from tex_lightning.config.instantiation import make, make_value, trusted_class
 from tex_lightning.config.nodes import OF_FEATURES
+from tex_lightning.config.signatures import TARGET
 from tex_lightning.data.decode import check_decoding
 from tex_lightning.errors import UserError, shorten
 from tex_lightning.senses.base import Sense

@@ -16,7 +16,7 @@ from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import Level, is_builtin
 from tex_lightning.perturbations.table import Augmentation
-from tex_lightning.senses.base import Change, Sense
+from tex_lightning.senses.base import Augment, Sense
 from tex_lightning.senses.features.image import ImageFeatures, crop_side, rotated_photos
 from tex_lightning_runtime.files import expanded
 from tex_lightning_runtime.pixels import as_pixels
@@ -102,7 +102,7 @@ class PhotoSense(Sense):
         return PhotoBank(rows, store, crop_side(size, rotation), rotation, augmentation)
 
     def training_input(
-        self, pieces: Mapping[str, Tensor], size: int, change: Change | None = None
+        self, pieces: Mapping[str, Tensor], size: int, augment: Augment | None = None
     ) -> Tensor:
         """Return the network input of rotated crops (batch, 3, size, size); see the base class.
 
@@ -111,12 +111,12 @@ class PhotoSense(Sense):
         crops, degrees, features = pieces["crop"], pieces["degrees"], self.features
         if isinstance(features, ImageFeatures) and type(features).forward is ImageFeatures.forward:
             patches = features.rotated(crops, degrees, size)
-            if change is None:
+            if augment is None:
                 return patches
-            return (change(patches * features.std + features.mean) - features.mean) / features.std
+            return (augment(patches * features.std + features.mean) - features.mean) / features.std
         photos = rotated_photos(crops, degrees, size)
-        if change is not None:
-            photos = (change(photos / 255) * 255).round().clamp(0, 255).to(torch.uint8)
+        if augment is not None:
+            photos = (augment(photos / 255) * 255).round().clamp(0, 255).to(torch.uint8)
         return self.compute_features(photos)
 
     def decode_input(
@@ -136,7 +136,7 @@ class PhotoSense(Sense):
         return torch.from_numpy(photo), photo_quality(photo, limits(ranges), self.noun)
 
 
-def augment(key: str, augmentation: Callable[[Tensor], Any], patches: Tensor) -> Tensor:
+def apply_augmentation(key: str, augmentation: Callable[[Tensor], Any], patches: Tensor) -> Tensor:
     """Apply a recipe's augmentation to photos (batch, 3, side, side) in [0, 1].
 
     Raises:

@@ -27,7 +27,7 @@ from tex_lightning.networks.linear import LinearNet
 from tex_lightning.perturbations.pixels import Scene
 from tex_lightning.perturbations.table import Augmentation
 from tex_lightning.perturbations.traces import disturbed
-from tex_lightning.senses.base import Change, Sense, as_tensor
+from tex_lightning.senses.base import Augment, Sense, as_tensor
 from tex_lightning.senses.features.proportions import BandProportions
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 from tex_lightning.senses.sensor_augmentation import SensorAugmentation, draw_changes
@@ -231,7 +231,7 @@ class SignalSense(Sense):
                     yield self._raw(load_recording(row, store))
 
     def training_input(
-        self, pieces: Mapping[str, Tensor], size: int, change: Change | None = None
+        self, pieces: Mapping[str, Tensor], size: int, augment: Augment | None = None
     ) -> Tensor:
         """Return the sub-samples, augmented where it was drawn; see the base class."""
         inputs, features = pieces["input"], self.spectrogram

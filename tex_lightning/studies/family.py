@@ -190,14 +190,14 @@ def measure_family(systems: Sequence[System], folds: Sequence[int], directory: P
     networks that they share are in a folder beside it.
     """
     what = f"{len(systems)} systems: {', '.join(system.label for system in systems)}"
-    networks_in, shown = directory.parent / NETWORKS, set[str]()
+    shared, shown = directory.parent / NETWORKS, set[str]()
     with Stage("system", len(systems)) as level:
         for number, system in enumerate(systems):
             level.update(number, title=system.label)
             which = f"System {number + 1}/{len(systems)}, {system.label}"
             homes = {fold: directory / system.name / "folds" / str(fold) for fold in folds}
             log.info("%s: %s.", which, _announced(homes))
-            entries = _run_folds(system.config, homes, networks_in, what, shown)
+            entries = _run_folds(system.config, homes, shared, what, shown)
             kind = system.config.model.kind
             seconds = [sum(part["fit_seconds"] for part in entry.values()) for entry in entries]
             system.entry, system.fit_seconds = entries[0][kind], fmean(seconds)
@@ -220,7 +220,7 @@ def _announced(homes: Mapping[int, Path]) -> str:
 
 
 def _run_folds(
-    config: Config, homes: Mapping[int, Path], networks_in: Path, what: str, shown: set[str]
+    config: Config, homes: Mapping[int, Path], shared: Path, what: str, shown: set[str]
 ) -> list[dict[str, Any]]:
     """Return the networks of each fold's results, trained unless an earlier run did so.
 
@@ -237,7 +237,7 @@ def _run_folds(
                 shown |= {*dataset.store.decoders}
                 trains = [config.on_fold(fold).data for fold in homes]
                 show_opening(config.data, dataset, what, trains=trains)
-            results = run_fold(config.on_fold(fold), dataset, home, networks_in=networks_in)
+            results = run_fold(config.on_fold(fold), dataset, home, shared=shared)
         entries.append(results["networks"])
     return entries
 

@@ -5,7 +5,7 @@ A task opens its data by :func:`open_and_show`, a program that shows nothing by
 network, too, as soon as it is trained, and gives its entry of ``results.json``;
 :func:`run_fold`, for one fold of several, writes that file (:func:`training_results`) beside it.
 The networks are trained by :mod:`tex_lightning.learning.train`, and tested by
-:mod:`.evaluate_checkpoint`.
+:mod:`.network_results`.
 """
 
 import logging
@@ -16,7 +16,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from tex_lightning.classifier.card import CROSSVAL, LABEL, Card, configured_card
+from tex_lightning.classifier.card import LABEL, Card, configured_card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, Folding, ModelConfig, plain_values, trunk_name
 from tex_lightning.config.model import FUSION
@@ -26,16 +26,16 @@ from tex_lightning.core.run_folder import read_results, write_results
 from tex_lightning.data.folds import make_samples, split, tested_part
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.outcomes import NO_WEIGHTS, RANDOM
 from tex_lightning.inference.prediction import name_conflict
 from tex_lightning.learning.loggers import log_test
 from tex_lightning.learning.provenance import note_recordings
 from tex_lightning.learning.train import Training, train_networks
 from tex_lightning.learning.training_check import check_custom_parts, check_training
+from tex_lightning.networks.weights import NO_WEIGHTS, RANDOM
 from tex_lightning.report.artifacts import Artifact
 from tex_lightning.studies.dataset import Dataset, open_dataset
 from tex_lightning.studies.description import show_opening
-from tex_lightning.studies.evaluate_checkpoint import (
+from tex_lightning.studies.network_results import (
     describe_network,
     log_network,
     report_network,
@@ -85,14 +85,14 @@ def train_model(config: Config, dataset: Dataset, directory: Path) -> SurfaceCla
 
 
 def run_fold(
-    config: Config, dataset: Dataset, home: Path, *, networks_in: Path | None = None
+    config: Config, dataset: Dataset, home: Path, *, shared: Path | None = None
 ) -> dict[str, Any]:
     """Train and test on one fold of several; write its ``results.json`` and return it.
 
     Arguments are those of :func:`train_and_test`. A process that is not rank zero has no results.
     """
     begin = time.perf_counter()
-    networks = train_and_test(config, dataset, home, networks_in=networks_in)
+    networks = train_and_test(config, dataset, home, shared=shared)
     if not is_rank_zero():
         return {}
     results = training_results(config, dataset, networks, time.perf_counter() - begin)
@@ -106,7 +106,7 @@ def train_and_test(
     directory: Path,
     *,
     draw: bool = False,
-    networks_in: Path | None = None,
+    shared: Path | None = None,
     crossvalidated: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
 ) -> dict[str, Any]:
     """Train and test all networks that the model consists of on one fold.
@@ -116,7 +116,7 @@ def train_and_test(
         dataset: Recordings to train and test on.
         directory: Folder of checkpoints and predictions.
         draw: Whether figures are drawn; a cross-validation draws those of all folds together.
-        networks_in: Folder with networks that several systems of a family have in common; those
+        shared: Folder with networks that several systems of a family have in common; those
             that a FusionNet takes from there are not tested.
         crossvalidated: By network the result of a cross-validation, for its card.
 
@@ -126,13 +126,12 @@ def train_and_test(
     parts, networks = dataset.parts(config.data), dict[str, Any]()
     trained = train_networks(
         config, dataset.classes, parts, dataset.store, directory,
-        shared_in=networks_in,
-        known={name: {CROSSVAL: dict(entry)} for name, entry in crossvalidated.items()},
+        shared=shared, crossvalidated=crossvalidated,
     )  # fmt: skip
     for training, classifier in trained:
         name = classifier.card.kind
         networks[name] = {"fit_seconds": classifier.card.training.get("fit_seconds")}
-        if is_rank_zero() and (name == config.model.kind or networks_in is None):  # it alone writes
+        if is_rank_zero() and (name == config.model.kind or shared is None):  # it alone writes
             networks[name] = _test_network(training, classifier, dataset, networks, draw=draw)
     return networks
 
@@ -189,8 +188,8 @@ def training_results(
     config: Config, dataset: Dataset, networks: dict[str, Any], seconds: float
 ) -> dict[str, Any]:
     """Return ``results.json`` of a training, with the sources of first weights."""
-    model, begun = config.model, {**config.sources, **config.model.checkpoints}
-    weights = {name: begun.get(name, _first_weights(model, name)) for name in model.senses}
+    model, sources = config.model, {**config.sources, **config.model.checkpoints}
+    weights = {name: sources.get(name, _first_weights(model, name)) for name in model.senses}
     baseline = model.baseline is not None
     frame = results_frame(config, model.name, dataset, networks, seconds, baseline=baseline)
     return {**frame, "weights": weights}

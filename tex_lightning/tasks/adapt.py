@@ -18,7 +18,7 @@ from tex_lightning.learning.finish import position_features
 from tex_lightning.learning.provenance import seen_of
 from tex_lightning.studies.dataset import Dataset, decode_for
 from tex_lightning.studies.description import show_opening
-from tex_lightning.studies.evaluate_checkpoint import results_frame
+from tex_lightning.studies.network_results import results_frame
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:

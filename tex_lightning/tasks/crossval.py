@@ -29,11 +29,6 @@ from tex_lightning.report.misclassified import keep_samples
 from tex_lightning.report.samples import SampleView
 from tex_lightning.report.table import print_results
 from tex_lightning.studies.dataset import Dataset
-from tex_lightning.studies.evaluate_checkpoint import (
-    draw_figures,
-    fold_samples,
-    log_network,
-)
 from tex_lightning.studies.fold import (
     chosen_folds,
     finished_results,
@@ -42,6 +37,7 @@ from tex_lightning.studies.fold import (
     train_and_test,
     training_results,
 )
+from tex_lightning.studies.network_results import draw_figures, fold_samples, log_network
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from tex_lightning.core.devices import pick_device
 from tex_lightning.core.run_folder import checkpoint_of, system_name
 from tex_lightning.errors import UserError, listed
 from tex_lightning.studies.description import show_opening
-from tex_lightning.studies.evaluate_checkpoint import results_frame
+from tex_lightning.studies.network_results import results_frame
 from tex_lightning.studies.new_classes import enroll, open_new_classes
 
 

@@ -14,11 +14,7 @@ from tex_lightning.learning.loggers import open_loggers
 from tex_lightning.report.table import print_results
 from tex_lightning.studies.dataset import open_test_data
 from tex_lightning.studies.description import show_opening
-from tex_lightning.studies.evaluate_checkpoint import (
-    log_network,
-    report_network,
-    results_frame,
-)
+from tex_lightning.studies.network_results import log_network, report_network, results_frame
 from tex_lightning_runtime.files import expanded
 
 

@@ -11,7 +11,6 @@ from tex_lightning.config import Config, Job
 from tex_lightning.core.files import write_rows
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.frontier_chart import frontier_figure, print_frontier
-from tex_lightning.studies.evaluate_checkpoint import run_facts
 from tex_lightning.studies.family import (
     choose_system,
     compose_family,
@@ -21,6 +20,7 @@ from tex_lightning.studies.family import (
     with_system,
 )
 from tex_lightning.studies.fold import chosen_folds
+from tex_lightning.studies.network_results import run_facts
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from tex_lightning.senses.base import Sense
 from tex_lightning.senses.making import make_sense
 from tex_lightning.studies.dataset import EMPTY, Dataset
 from tex_lightning.studies.description import keep_description, show_opening
-from tex_lightning.studies.evaluate_checkpoint import results_frame
+from tex_lightning.studies.network_results import results_frame
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:

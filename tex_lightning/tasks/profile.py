@@ -16,7 +16,7 @@ from tex_lightning.core.environment import environment
 from tex_lightning.core.progress import track
 from tex_lightning.core.run_folder import system_name
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.outcomes import RANDOM
+from tex_lightning.networks.weights import RANDOM
 from tex_lightning.report.table import make_table, print_tables, profile_table
 from tex_lightning.studies.profile import only_sense, profile_network, render_recording
 

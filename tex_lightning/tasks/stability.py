@@ -9,8 +9,8 @@ from tex_lightning.core.files import write_rows
 from tex_lightning.evaluation.robustness import StabilityRow, failure_entry, find_failures
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.stability_charts import print_stability, stability_figure
-from tex_lightning.studies.evaluate_checkpoint import run_facts
 from tex_lightning.studies.load_systems import load_systems
+from tex_lightning.studies.network_results import run_facts
 from tex_lightning.studies.perturbed import choose_perturbations, run_trials, system_entry
 
 

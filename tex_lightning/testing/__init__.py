@@ -36,7 +36,7 @@ from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.perturbations.table import SEVERITIES, Perturbation, perturb
 from tex_lightning.senses.base import Sense, as_tensor
 from tex_lightning.senses.making import check_network
-from tex_lightning.senses.photo import augment
+from tex_lightning.senses.photo import apply_augmentation
 from tex_lightning.senses.signal import SignalSense
 from tex_lightning.testing.trial import Example, MeanNet, Trial, parameters_of
 
@@ -197,7 +197,7 @@ def _check_augmentation(one: Any, _: Any, trial: Trial) -> None:  # noqa: ANN401
     check_call((key, "augmentation", one), getattr(one, "forward", one), "patches")
     network = MeanNet(trial.classes)
     pair = [trial.classifier("photo", None, _copy(network)) for _ in range(2)]
-    trial.train(pair[0], pair[1], partial(augment, key, one))
+    trial.train(pair[0], pair[1], partial(apply_augmentation, key, one))
 
 
 def _check_perturbation(one: Any, _: Any, trial: Trial) -> None:  # noqa: ANN401

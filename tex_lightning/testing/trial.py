@@ -28,7 +28,7 @@ from tex_lightning.errors import UserError, listed
 from tex_lightning.networks.blocks import Level
 from tex_lightning.networks.trunks import TRUNKS, Trunk
 from tex_lightning.perturbations.pixels import Scene
-from tex_lightning.senses.base import Change, Sense
+from tex_lightning.senses.base import Augment, Sense
 from tex_lightning.senses.making import make_sense
 from tex_lightning_runtime.samples import content_seed
 
@@ -148,7 +148,7 @@ class Trial:
         return Scene(np.random.default_rng(0), self.rate if medium == "signal" else 0.0)
 
     def train(
-        self, one: SurfaceClassifier, other: SurfaceClassifier, change: Change | None = None
+        self, one: SurfaceClassifier, other: SurfaceClassifier, augment: Augment | None = None
     ) -> None:
         """Try two classifiers of one sense, which are equal once one has the other's state."""
         (sense,) = one.senses.values()
@@ -156,7 +156,7 @@ class Trial:
         fit, piece = model.fit_values(model.kind), model.sense(model.kind).fit.piece
         count = FITTED if hasattr(sense.network, "fit") else 1
         with self.recordings(sense, count) as (recordings, store):
-            check_parts(one, other, fit, piece, recordings, store, change)
+            check_parts(one, other, fit, piece, recordings, store, augment)
 
     def fitting(
         self, call: Callable[[str], Any], suits: Callable[[str, Any], bool]

@@ -151,16 +151,16 @@ def labels_of(y: Any, least: int = 2) -> tuple[Array, list[str]]:  # noqa: ANN40
         raise InvalidInput(
             f"{found}, and telling classes apart takes two; give recordings of another."
         )
-    if "" in by_name(classes):
+    if "" in labels_by_name(classes):
         raise InvalidInput("y holds an empty label; give every sample one.")
-    if len(by_name(classes)) < len(classes):
+    if len(labels_by_name(classes)) < len(classes):
         raise InvalidInput(
             f"Of the labels {listed([*map(str, classes)])} some are one name; give other ones."
         )
     return classes, [normal_form(str(label)) for label in labels.tolist()]
 
 
-def by_name(classes: Array) -> dict[str, Any]:
+def labels_by_name(classes: Array) -> dict[str, Any]:
     """Return the label of each class by the name that the model knows."""
     return {normal_form(str(label)): label for label in classes.tolist()}
 
@@ -236,7 +236,7 @@ def naming(number: int) -> Iterator[None]:
         raise UserError(f"Recording {number} of X: {error}") from error
 
 
-def each(samples: Iterable[GivenSample], use: Callable[[GivenSample], T]) -> Iterator[T]:
+def map_samples(samples: Iterable[GivenSample], use: Callable[[GivenSample], T]) -> Iterator[T]:
     """Yield what a function returns for each sample; a ``UserError`` says for which."""
     for number, sample in enumerate(samples):
         with naming(number):
