@@ -19,9 +19,10 @@ from tex_lightning.core.contract import fault_of
 from tex_lightning.data.banks import InputBank
 from tex_lightning.data.datamodule import SurfaceData, TrainingBatches
 from tex_lightning.errors import UserError
+from tex_lightning.learning.epoch_checkpoints import CheckpointFiles
 from tex_lightning.learning.module import SurfaceModule
 from tex_lightning.learning.start import start_fusion
-from tex_lightning.learning.trainer import CheckpointFiles, make_trainer, quiet_lightning
+from tex_lightning.learning.trainer import make_trainer, quiet_lightning
 
 SCHEDULES = "torch.optim.lr_scheduler"
 FIT = {

@@ -99,10 +99,7 @@ class SurfaceClassifier(nn.Module):
     rows: nn.ModuleDict
 
     def __init__(
-        self,
-        card: Card,
-        senses: dict[str, Sense] | None = None,
-        fusion: FusionLayer | None = None,
+        self, card: Card, senses: dict[str, Sense] | None = None, fusion: FusionLayer | None = None
     ) -> None:
         super().__init__()
         self.card = card

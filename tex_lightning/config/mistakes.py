@@ -26,10 +26,7 @@ MISTAKES = (HydraException, OmegaConfBaseException, YAMLError)  # the last of a 
 SAME_NAME = re.compile("'(.+)/(.+)' is validated against ConfigStore schema")
 KEY = re.compile(r"Could not (?:override|delete from config\.) '([^'=]+)")
 # Options that have another name now, by group and former name.
-RENAMED = {
-    ("model", "haptic_bands"): "band_proportions",
-    ("sense", "bands"): "band_proportions",
-}
+RENAMED = {("model", "haptic_bands"): "band_proportions", ("sense", "bands"): "band_proportions"}
 EXTRAS = {  # of this package, by the option of hydra/launcher or hydra/sweeper that each brings
     "joblib": "parallel",
     "submitit_local": "parallel",

@@ -53,9 +53,7 @@ def divide(kinds: Sequence[Hashable], groups: Sequence[Hashable], parts: int) ->
 
 
 def leave_out(
-    labels: Sequence[int],
-    groups: Sequence[Hashable],
-    recordings: Sequence[Hashable] | None = None,
+    labels: Sequence[int], groups: Sequence[Hashable], recordings: Sequence[Hashable] | None = None
 ) -> list[int]:
     """Choose the part, of at most ten, in which each row is left out.
 
@@ -89,9 +87,7 @@ def leave_out(
 
 
 def left_out_units(
-    labels: Sequence[int],
-    groups: Sequence[Hashable],
-    recordings: Sequence[Hashable] | None = None,
+    labels: Sequence[int], groups: Sequence[Hashable], recordings: Sequence[Hashable] | None = None
 ) -> list[tuple[str, Hashable] | None]:
     """Return the unit that each row is left out with, see :func:`leave_out`; None if it stays."""
     rows = list(zip(labels, groups, recordings or range(len(labels)), strict=True))

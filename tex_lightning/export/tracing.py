@@ -25,9 +25,7 @@ SECONDS = 4  # likewise of a signal
 AXES = (1, 3)  # of signals with which it is compared, if it takes any number of axes
 
 
-def trace(
-    classifier: SurfaceClassifier,
-) -> tuple[ExportedProgram, dict[str, Tensor], list[str]]:
+def trace(classifier: SurfaceClassifier) -> tuple[ExportedProgram, dict[str, Tensor], list[str]]:
     """Trace a classifier with dynamic sizes.
 
     Args:

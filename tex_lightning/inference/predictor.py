@@ -164,11 +164,7 @@ class Predictor:
         return f"<{type(self).__name__}: {'; '.join(parts)}>"
 
     def predict_many(
-        self,
-        *,
-        rate: Rate = None,
-        colour: str = "rgb",
-        **recordings: Iterable[Input],
+        self, *, rate: Rate = None, colour: str = "rgb", **recordings: Iterable[Input]
     ) -> list[Prediction]:
         """Classify several samples, one after the other; arguments are lists of those of `predict`.
 
@@ -211,11 +207,7 @@ class Predictor:
         return predictions
 
     def stream(
-        self,
-        *live: str,
-        rate: Rate = None,
-        colour: str = "rgb",
-        **photos: Input,
+        self, *live: str, rate: Rate = None, colour: str = "rgb", **photos: Input
     ) -> LiveStream:
         """Start to classify a live recording.
 

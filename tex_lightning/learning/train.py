@@ -38,6 +38,7 @@ from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatche
 from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.recordings import Recording, class_indices
 from tex_lightning.data.store import Store, load_recording
+from tex_lightning.learning.epoch_checkpoints import find_resumable, take_best
 from tex_lightning.learning.finish import calibrate, refit_scores, set_statistics
 from tex_lightning.learning.loggers import open_loggers, show_inputs
 from tex_lightning.learning.module import SurfaceModule, make_module
@@ -45,11 +46,9 @@ from tex_lightning.learning.provenance import complete_recipe
 from tex_lightning.learning.start import load_trunk, load_unimodal, start_fusion, start_network
 from tex_lightning.learning.trainer import (
     build_callbacks,
-    find_resumable,
     fit_network,
     make_trainer,
     quiet_lightning,
-    take_best,
 )
 from tex_lightning.learning.training_check import check_fitted_baseline
 

@@ -213,8 +213,5 @@ def margin(outcome: Outcome) -> float:
 
 def worst(outcomes: Sequence[Outcome], most: int) -> list[int]:
     """Return the numbers of the outcomes that are most wrong, errors first, the worst first."""
-    order = sorted(
-        range(len(outcomes)),
-        key=lambda n: (outcomes[n].correct, -margin(outcomes[n])),
-    )
+    order = sorted(range(len(outcomes)), key=lambda n: (outcomes[n].correct, -margin(outcomes[n])))
     return order[:most]

@@ -179,10 +179,7 @@ def condition_rows(networks: Mapping[str, Network]) -> list[dict[str, str]]:
 
 
 def make_table(
-    title: str,
-    names: Sequence[str],
-    figures: Sequence[str],
-    rows: Iterable[Iterable[str]] = (),
+    title: str, names: Sequence[str], figures: Sequence[str], rows: Iterable[Iterable[str]] = ()
 ) -> Screened:
     """Return a table of the terminal with as little ink as fits 80 columns.
 
