@@ -14,7 +14,7 @@ from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.classifier.vote import RULES
 from tex_lightning.config import DecisionConfig
 from tex_lightning.errors import UserError
-from tex_lightning.inference.early_stopping import decide
+from tex_lightning.inference.early_stopping import make_decider
 from tex_lightning.inference.engine import empty_classifier, input_macs
 from tex_lightning.inference.prediction import make_prediction
 from tex_lightning_runtime.quality import Quality
@@ -95,7 +95,7 @@ def test_costs_known_in_advance_are_those_of_the_pass(level):
 @pytest.mark.parametrize("threshold", [0.0, NEVER])
 def test_a_trace_costs_its_beginnings_and_the_whole_where_they_do_not_decide(threshold):
     model = classifier("haptic")
-    sequential = decide(model, replace(CONFIG, confidence_threshold=threshold))
+    sequential = make_decider(model, replace(CONFIG, confidence_threshold=threshold))
     long = trace(0, 20.0)
     vote, whole = (each.classify(haptic=long) for each in (sequential, model))  # counts costs
     counted, full = (
@@ -122,11 +122,11 @@ def count_positions(monkeypatch, network: nn.Module) -> list[int]:
 def test_fusion_looks_at_the_photo_only_where_the_trace_is_not_enough(monkeypatch):
     model = classifier("fusion")
     rows = count_positions(monkeypatch, model.senses["visual"].network)
-    quick = decide(model, replace(CONFIG, confidence_threshold=0.0))
+    quick = make_decider(model, replace(CONFIG, confidence_threshold=0.0))
     vote = quick.classify(**given("fusion", 0))
     assert rows == []
     assert 0 < vote.relative_macs < 1
-    decide(model, CONFIG).classify(**given("fusion", 0))
+    make_decider(model, CONFIG).classify(**given("fusion", 0))
     assert rows
 
 
@@ -142,7 +142,7 @@ def test_fusion_looks_at_the_photo_only_where_the_trace_is_not_enough(monkeypatc
 def test_the_decision_is_the_full_one_if_nothing_is_sure(kind, level, rule):
     model = classifier(kind, level)
     model.card = replace(model.card, decision={**model.card.decision, "rule": rule})
-    vote, full = (m.classify(**given(kind, 0)) for m in (decide(model, CONFIG), model))
+    vote, full = (m.classify(**given(kind, 0)) for m in (make_decider(model, CONFIG), model))
     assert vote.label == full.label
     assert torch.equal(vote.fragments.bincount(), full.fragments.bincount())
     torch.testing.assert_close(vote.probabilities, full.probabilities)
@@ -175,7 +175,7 @@ NOTHING, ALL = 0.0, 9.0  # what is known of a sense: no recording to come, or ev
 )
 def test_a_fusion_says_unknown_of_all_senses_only(haptic, visual, modalities, rejected):
     model = telling_unknown("fusion", {"haptic": haptic, "visual": visual})
-    quick = decide(model, replace(CONFIG, confidence_threshold=0.0))
+    quick = make_decider(model, replace(CONFIG, confidence_threshold=0.0))
     vote, full = (each.classify(**given("fusion", 0)) for each in (quick, model))
     assert (vote.modalities or model.card.modalities) == modalities
     prediction = make_prediction(vote, model.card, Quality(), 1, 0.0)
@@ -188,7 +188,7 @@ def test_a_fusion_says_unknown_of_all_senses_only(haptic, visual, modalities, re
 @pytest.mark.parametrize(("limit", "whole"), [(NOTHING, True), (ALL, False)])
 def test_a_trace_is_called_unknown_by_its_whole_only(limit, whole):
     model, long = telling_unknown("haptic", {"haptic": limit}), trace(0, 20.0)
-    vote = decide(model, replace(CONFIG, confidence_threshold=0.0)).classify(haptic=long)
+    vote = make_decider(model, replace(CONFIG, confidence_threshold=0.0)).classify(haptic=long)
     full = model.classify(haptic=long)
     assert (vote.novelty == full.novelty, len(vote.fragments) == len(full.fragments)) == (
         whole,
@@ -201,5 +201,5 @@ def test_a_baseline_is_refused():
     model = classifier("haptic")
     model.card = replace(model.card, baseline={"name": "rocket"})
     with pytest.raises(UserError, match="rocket looks at the whole recording"):
-        decide(model, CONFIG)
-    assert decide(model, replace(CONFIG, name="max_vote")) is model
+        make_decider(model, CONFIG)
+    assert make_decider(model, replace(CONFIG, name="max_vote")) is model

@@ -265,10 +265,10 @@ class SurfaceClassifier(nn.Module):
         """Return the class statistics of one sense; None of a checkpoint without them."""
         return cast(FeatureStatistics | None, dict(self.statistics.items()).get(name))
 
-    def vote(self, sensed: Mapping[str, SenseOutput], seed: int) -> Vote:
+    def vote(self, outputs: Mapping[str, SenseOutput], seed: int) -> Vote:
         """Decide by the scores of all senses; ``seed`` is that of the tuples."""
-        logits = self.fuse([sensed[name].partial_logits for name in self.senses], seed)
-        vote, novelty = self.decide(logits, self.card.temperature), join_novelties(sensed.values())
+        logits = self.fuse([outputs[name].partial_logits for name in self.senses], seed)
+        vote, novelty = self.decide(logits, self.card.temperature), join_novelties(outputs.values())
         return vote if novelty is None else vote.with_novelty(novelty)
 
     def seed(self, **recordings: Tensor) -> int:

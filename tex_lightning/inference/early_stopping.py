@@ -36,13 +36,13 @@ MAX_WASTE = 0.5  # of the full pass, that undecided beginnings of a trace may co
 def make_inference_model(
     classifier: SurfaceClassifier, engine: EngineConfig, decision: DecisionConfig
 ) -> Decider:
-    """Prepare a classifier for tests: accelerated, with the configured :func:`decide`."""
+    """Prepare a classifier for tests: accelerated, with the configured decision."""
     fast = accelerate(classifier, engine)
     fast.card = fast.card.deciding(decision)
-    return decide(fast, decision)
+    return make_decider(fast, decision)
 
 
-def decide(
+def make_decider(
     full: SurfaceClassifier, decision: DecisionConfig
 ) -> "SurfaceClassifier | SequentialDecision":
     """Return the decider that uses a classifier: itself, or a sequential decision by it.

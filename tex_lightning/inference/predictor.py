@@ -22,7 +22,7 @@ from tex_lightning.core.run_folder import find_checkpoint
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.recordings import check_is_list
 from tex_lightning.errors import UserError, shorten
-from tex_lightning.inference.early_stopping import SequentialDecision, decide
+from tex_lightning.inference.early_stopping import SequentialDecision, make_decider
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.prediction import Prediction, check_unknown, make_prediction
 from tex_lightning.inference.stream import LiveStream
@@ -99,7 +99,7 @@ class Predictor:
         weighted = any(map(fast.is_weighted, senses))
         if self.card.unknown_above is None and not weighted:  # nobody asks how novel a sample is
             fast.statistics = nn.ModuleDict()
-        whole = decide(fast, config.decision)
+        whole = make_decider(fast, config.decision)
         # of every subset, before the first sample; all share the networks of the accelerated copy
         subsets = [some for count in range(len(senses)) for some in combinations(senses, count + 1)]
         self.deciders = {subset: whole.with_senses(subset) for subset in subsets}

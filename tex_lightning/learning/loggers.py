@@ -148,7 +148,7 @@ def show_inputs(loggers: Sequence[Logger], module: SurfaceModule, batches: Train
 
 
 def _input_pictures(module: SurfaceModule, name: str, bank: Bank, labels: Indices) -> list[Media]:
-    sense, size = module.classifier.senses[name], module.pieces[name]
+    sense, size = module.classifier.senses[name], module.piece_sizes[name]
     _, first = np.unique(labels, return_index=True)
     chosen = np.sort(first)[np.linspace(0, len(first) - 1, min(SHOWN, len(first))).astype(int)]
     if isinstance(bank, PhotoBank):

@@ -49,8 +49,8 @@ class SurfaceModule(LightningModule):
         card: Card of the classifier to train.
         fit: The training recipe, ``model.NAME.fit``, as plain values.
         seed: Seed of dropout; batches have their own.
-        pieces: By sense the length or side of the pieces. FusionNet takes pieces of one fragment
-            instead, where the size of a fragment is known.
+        piece_sizes: By sense the length or side of the pieces. FusionNet takes pieces of one
+            fragment instead, where the size of a fragment is known.
         engine: Settings of the accelerated copy for validation; None uses none.
     """
 
@@ -59,20 +59,20 @@ class SurfaceModule(LightningModule):
         card: Card,
         fit: dict[str, Any],
         seed: int,
-        pieces: dict[str, int],
+        piece_sizes: dict[str, int],
         engine: EngineConfig | None = None,
     ) -> None:
         super().__init__()
-        kept = {"card": card.to_dict(), "fit": fit, "seed": seed, "pieces": pieces}
+        kept = {"card": card.to_dict(), "fit": fit, "seed": seed, "pieces": piece_sizes}
         self.save_hyperparameters(kept, logger=False)
         self.classifier, self.kind = SurfaceClassifier(card), card.kind
         self.layout = training_layout(self.classifier)
         if self.kind == FUSION:
             senses = self.classifier.senses.items()
-            pieces = {name: sense.piece_size(pieces[name]) for name, sense in senses}
+            piece_sizes = {name: sense.piece_size(piece_sizes[name]) for name, sense in senses}
         else:
             self.network.to(memory_format=self.layout)
-        self.fit_config, self.seed, self.pieces = fit, seed, pieces
+        self.fit_config, self.seed, self.piece_sizes = fit, seed, piece_sizes
         node, key = fit.get("augmentation"), f"model.{self.kind}.fit.augmentation"
         self.augmentation: Any = None if node is None else build(key, node)
         classes = len(card.classes)
@@ -85,7 +85,7 @@ class SurfaceModule(LightningModule):
         augment, inputs = self.augment if self.training else None, []
         for name, sense in self.classifier.senses.items():
             with full_precision(sense.device):
-                x = sense.training_input(batch[name], self.pieces[name], augment)
+                x = sense.training_input(batch[name], self.piece_sizes[name], augment)
             inputs.append(x.contiguous() if self.layout is torch.contiguous_format else x)
         return inputs
 
@@ -159,7 +159,7 @@ class SurfaceModule(LightningModule):
         """Make an example input (1, ...) of each sense, of the size of a piece."""
         inputs = []
         for name, sense in self.classifier.senses.items():
-            size, x = self.pieces[name], sense.example()
+            size, x = self.piece_sizes[name], sense.example()
             if sense.medium == "photo":
                 x = sense.blank(size, size)
             elif x.shape[-1] == 1:  # a spectrogram of one frame
@@ -282,8 +282,8 @@ class SurfaceModule(LightningModule):
 def make_module(config: Config, card: Card) -> SurfaceModule:
     """Make the module that trains a network of the model."""
     model = config.model
-    pieces = {name: model.sense(name).fit.piece for name in card.sense_names}
-    return SurfaceModule(card, model.fit_values(card.kind), config.seed, pieces, config.engine)
+    sizes = {name: model.sense(name).fit.piece for name in card.sense_names}
+    return SurfaceModule(card, model.fit_values(card.kind), config.seed, sizes, config.engine)
 
 
 def mean_loss(logits: Tensor, labels: Tensor, label_smoothing: float) -> Tensor:

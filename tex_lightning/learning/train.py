@@ -173,7 +173,7 @@ class Training:
         for name, sense in module.classifier.senses.items():
             rows = self.parts.train.of(sense.modality).rows
             sense.features.to(self.device)
-            recipe, size = {**self.config.model.fit_values(name), **fit}, module.pieces[name]
+            recipe, size = {**self.config.model.fit_values(name), **fit}, module.piece_sizes[name]
             learn = not self.unimodal
             bank = sense.bank(rows, self.store, recipe, size=size, seed=module.seed, learn=learn)
             labels = class_indices([row.label for row in rows], self.card.classes)

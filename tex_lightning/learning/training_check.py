@@ -84,7 +84,7 @@ def check_custom_parts(
 
 def check_sense(module: SurfaceModule, recordings: Recordings, store: Store) -> None:
     """Check one sense: train it on two recordings, save it and load it again."""
-    classifier, piece = module.classifier, module.pieces[module.kind]
+    classifier, piece = module.classifier, module.piece_sizes[module.kind]
     rebuilt, fit = _rebuilt(classifier), module.fit_config
     check_parts(classifier, rebuilt, fit, piece, recordings, store, module.augment)
 

@@ -143,7 +143,7 @@ def profile_network(
     """
     sense, fast = only_sense(classifier), only_sense(accelerate(classifier, engine))
     network = sense.network
-    twin = WindowNet(network).to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]  # no stub
+    windowed = WindowNet(network).to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]  # no stub
     inputs = [_input(sense, recording).contiguous() for recording in recordings]
     x, fast_x = inputs[0], _input(fast, recordings[0])
     grid = cut_windows(x, sense.window_size, sense.stride)
@@ -151,18 +151,21 @@ def profile_network(
     fast_scores = partial(scores, fast.network)
     ways: dict[str, Callable[[], Any]] = {
         "reference": partial(sense.dense_grid, x, "fc3"),
-        "sliding_window": partial(_all_windows, twin, grid, 1),
+        "sliding_window": partial(_all_windows, windowed, grid, 1),
         "same_engine_window": partial(_all_windows, fast_scores, fast_grid, BATCH),
         "fcn": partial(fast.dense_grid, fast_x, "fc3"),
     }
     windows = grid.shape[0] * grid.shape[1]
-    macs, one = count_macs(lambda: scores(network, x)), count_macs(lambda: twin(grid[0, 0][None]))
+    macs, one = (
+        count_macs(lambda: scores(network, x)),
+        count_macs(lambda: windowed(grid[0, 0][None])),
+    )
     return {
         **_speed(*_time(ways, x.device, profile), macs),
         "windows": windows,
         "macs": macs,
         "arithmetic_ratio": windows * one / macs,
-        **agreement(classifier, twin, inputs),
+        **agreement(classifier, windowed, inputs),
     }
 
 
@@ -174,14 +177,14 @@ def _input(sense: Sense, recording: Tensor) -> Tensor:
 
 
 def agreement(
-    classifier: SurfaceClassifier, twin: WindowNet, inputs: Sequence[Tensor]
+    classifier: SurfaceClassifier, windowed: WindowNet, inputs: Sequence[Tensor]
 ) -> dict[str, float]:
     """Compare the labels of the dense pass with those of the windows, each classified alone.
 
     Inside of a recording the layers of the dense pass see what lies beside a window, where those of
     the window see their padding, so that a few labels differ.
 
-    The twin is the network of the unimodal classifier for one window, the inputs are (1, C, H, W).
+    ``windowed`` is the network of the unimodal classifier for one window, inputs are (1, C, H, W).
 
     Returns:
         ``label_agreement``, the share of all windows with the label of their position in the dense
@@ -191,7 +194,7 @@ def agreement(
     for x in inputs:
         grid = cut_windows(x, sense.window_size, sense.stride)
         rows, columns = grid.shape[:2]
-        alone = torch.cat([twin(batch).flatten(1) for batch in batches(grid, BATCH)]).T
+        alone = torch.cat([windowed(batch).flatten(1) for batch in batches(grid, BATCH)]).T
         dense = sense.dense_grid(x, "fc3")
         same.append(dense[:, :rows, :columns].flatten(1).argmax(0) == alone.argmax(0))
         whole, windows = (
