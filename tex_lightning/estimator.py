@@ -8,7 +8,7 @@ import os
 import tempfile
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -171,7 +171,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             UserError: If the recordings or the settings cannot be used; a ``ValueError``, too.
         """
         classes, labels = labels_of(y)
-        with self._scratch_folder() as folder:
+        with self._session() as folder:
             overrides = self._overrides(folder)
             composed, hydra = compose_config(overrides), OmegaConf.create({"hydra": {}})
             job = Job(tuple(overrides), folder, "python", True, (), composed, hydra)
@@ -278,7 +278,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
                 f"The classes are {self.classes_.dtype}, and y is {classes.dtype}; give labels of "
                 "the same type."
             )
-        with self._scratch_folder() as folder:
+        with self._session() as folder:
             samples = self._samples(X, before.card.modalities)
             check_consistent_length(samples, labels)
             manifest = write_samples(samples, labels, None, folder)
@@ -327,7 +327,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
                 would train by these.
         """
         estimator = cls(**params)
-        with estimator._scratch_folder():
+        with estimator._session():
             keys = [as_key_value(name, value) for name, value in estimator._keys.items()]
             estimator.predictor_ = load(path, *keys, trusted=trusted)
             estimator.classes_ = np.unique(estimator.predictor_.classes)  # metrics take them sorted
@@ -340,7 +340,7 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
             The files.
         """
         check_is_fitted(self)
-        with self._scratch_folder() as scratch:
+        with self._session() as scratch:
             checkpoint = self.save(scratch / "model.ckpt")
             given = {"checkpoint": checkpoint, "export.format": format}
             overrides = [as_key_value(name, value) for name, value in given.items()]
@@ -351,23 +351,23 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
         return [out / name for name in written["files"]]
 
     @contextmanager
-    def _scratch_folder(self) -> Iterator[Path]:
-        """Yield a temporary folder, with messages as far as ``verbose`` allows.
+    def _session(self) -> Iterator[Path]:
+        """Yield a temporary folder to work in, alone and with messages as ``verbose`` allows.
 
         Raises:
             InvalidInput: If the work ends with a user's mistake.
         """
         if wrong := "; ".join(misfits("", type(self), self.get_params() | {"model": ""})):
             raise InvalidInput(f"{wrong}.")
-        with ExitStack() as stack:
-            stack.enter_context(RUN_LOCK)
-            stack.enter_context(verbosity(self.verbose))
-            stack.enter_context(showing_messages())
-            stack.enter_context(ending_stages())
-            stack.enter_context(torch_defaults())
-            scratch = stack.enter_context(tempfile.TemporaryDirectory(prefix="tex_lightning_"))
+        with (
+            RUN_LOCK,
+            verbosity(self.verbose),
+            showing_messages(),
+            ending_stages(),
+            torch_defaults(),
+            tempfile.TemporaryDirectory(prefix="tex_lightning_") as scratch,
+        ):
             folder = Path(scratch).resolve()
-            stack.callback(use_config_dir, [])
             try:
                 if self.config_dir is not None:
                     use_config_dir([f"--config-dir={self.config_dir}"])
@@ -377,13 +377,15 @@ class Estimator(ClassifierMixin, TransformerMixin, BaseEstimator):  # type: igno
                 if mistake is None:
                     raise
                 raise InvalidInput(*_without_folder(mistake.args, folder)) from error
+            finally:
+                use_config_dir([])
 
     @contextmanager
     def _to_classify(self, X: Any) -> Iterator[list[GivenSample]]:  # noqa: ANN401
         """Give the samples of recordings to classify."""
         check_is_fitted(self)
         modalities = self.predictor_.card.modalities
-        with self._scratch_folder():
+        with self._session():
             if hasattr(self, "feature_names_in_") and is_table(X, modalities):
                 _check_feature_names(self, X, reset=False)
             yield self._samples(X, modalities)
