@@ -134,10 +134,23 @@ def test_levels_are_logarithms_where_all_training_samples_are_positive(sign):
     trace = offset + 0.5 * noise(4, 100.0, 9, axes=3)
     level = features(trace)[0, 0, -6:-3, 0]
     mean = trace.mean(dim=1)
-    expected = torch.stack([mean[0].log(), mean[1].log() if sign > 0 else mean[1], mean[2].log()])
+    signed = mean[1].log() if sign > 0 else mean[1] / features.deviation[1]
+    expected = torch.stack([mean[0].log(), signed, mean[2].log()])
     torch.testing.assert_close(level, expected)
     with pytest.raises(UserError, match="has 1 channels, and this network was trained on 3"):
         features(trace[:1])
+
+
+def test_levels_do_not_depend_on_the_unit_but_of_older_checkpoints():
+    features, other = make(levels=2, rate=100.0), make(levels=2, rate=100.0)
+    traces = [noise(5, 100.0, seed, axes=2) for seed in range(4)]
+    features.learn(traces)
+    other.learn([1e-6 * trace for trace in traces])
+    torch.testing.assert_close(other(1e-6 * traces[0]), features(traces[0]), rtol=0, atol=1e-4)
+    older = make(levels=2, rate=100.0)
+    older.load_state_dict({k: v for k, v in features.state_dict().items() if k != "unit"})
+    means = older(traces[0])[0, 0, -4:-2].mean(dim=1)
+    torch.testing.assert_close(means, traces[0].mean(dim=1))
 
 
 def test_windows_follow_from_rate_and_length():

@@ -61,9 +61,9 @@ class BandProportions(nn.Module):
     - ``power``: proportions of a band compared with the mean power of the training set;
     - ``deviation``: the deviations of all four comparisons;
     - ``axes`` and ``axes_power``: the same proportions of every axis by itself, of 2 to 8 axes;
-    - ``level``: mean and logarithm of the deviation of each channel; where all training samples of
-      a channel are positive, as of a pressure, the mean is a logarithm too, so that a gain becomes
-      a constant.
+    - ``level``: mean and logarithm of the deviation of each channel, in units of its usual
+      deviation; where all training samples of a channel are positive, as of a pressure, the mean is
+      a logarithm too, so that a gain becomes a constant.
 
     Where gravity tells that an accelerometer has another gain or unit, that is taken back
     (:class:`~tex_lightning.senses.features.gravity.GravityGain`).
@@ -96,6 +96,7 @@ class BandProportions(nn.Module):
     fits: Tensor
     positive: Tensor
     deviation: Tensor
+    unit: Tensor
     detrends: Tensor
 
     def __init__(
@@ -137,6 +138,7 @@ class BandProportions(nn.Module):
         self.register_buffer("fits", torch.zeros(len(self.windows), dtype=torch.bool))
         self.register_buffer("positive", torch.zeros(self.levels, dtype=torch.bool))
         self.register_buffer("deviation", torch.ones(self.levels))
+        self.register_buffer("unit", torch.ones(self.levels))
         self.register_buffer("detrends", torch.zeros((), dtype=torch.bool))
         self.gravity = GravityGain(self.levels)
         self._note_learnt()
@@ -257,7 +259,7 @@ class BandProportions(nn.Module):
         return held, samples
 
     def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *rest: Any) -> None:  # noqa: ANN401
-        """Load a state; older checkpoints number buffers, know no usual bands or trends."""
+        """Load a state; older checkpoints number buffers, know no usual bands, units or trends."""
         for number, window in enumerate(self.windows):
             for name, value in window.named_buffers():
                 new, old = f"{prefix}windows.{number}.{name}", f"{prefix}{name}{number}"
@@ -267,6 +269,7 @@ class BandProportions(nn.Module):
                     usual = state.pop(f"{prefix}windows.{number}.usual", value.new_zeros(2, 1))
                     state.setdefault(new, window.usual.of_older(usual))
         state.setdefault(f"{prefix}detrends", torch.zeros((), dtype=torch.bool))
+        state.setdefault(f"{prefix}unit", torch.ones(self.levels))
         super()._load_from_state_dict(state, prefix, *rest)
 
     def _learn_levels(self, movements: Callable[[], Iterator[Tensor]]) -> None:
@@ -278,6 +281,7 @@ class BandProportions(nn.Module):
         self.positive.copy_(positive.all(dim=0))
         deviation = deviations.mean(dim=0)
         self.deviation.copy_(torch.where(deviation > 0, deviation, torch.ones_like(deviation)))
+        self.unit.copy_(self.deviation)  # else what hardly varies would depend on that of the file
         self.gravity.fit(means, self.positive)
 
     def forward(self, trace: Tensor) -> Tensor:
@@ -358,5 +362,7 @@ class BandProportions(nn.Module):
         away = mean - whole
         square = moments.variance.T + away.square()
         tiny = torch.finfo(mean.dtype).tiny
-        level = torch.where(self.positive[:, None], mean.clamp_min(tiny).log(), mean)
+        level = torch.where(
+            self.positive[:, None], mean.clamp_min(tiny).log(), mean / self.unit[:, None]
+        )
         return torch.cat((level, (square.sqrt() / self.deviation[:, None] + QUIET).log()))
