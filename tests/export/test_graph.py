@@ -82,6 +82,13 @@ def test_an_export_is_compared_on_noise_of_as_many_axes_as_have_levels(axes):
         assert len(classifier.partial_logits("haptic", sample["haptic"])) == 2
 
 
+def test_an_export_is_compared_on_noise_as_strong_as_the_training():
+    card = make_card("haptic", width=0.1)
+    card.input_ranges["haptic"] = {"level": [1e-10, 3e-10]}
+    classifier = SurfaceClassifier(card)
+    assert noise_sample(classifier, 0)["haptic"].std() == pytest.approx(3e-10, rel=0.1)
+
+
 def test_signals_of_any_number_of_axes_are_taken_where_levels_do_not_count():
     (sense,) = metadata(SurfaceClassifier(make_card("haptic", width=0.1)))["senses"]
     assert sense["axes"] == [*range(1, 65)]

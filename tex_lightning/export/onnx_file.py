@@ -126,14 +126,18 @@ COUNTED = 0.05
 
 
 def noise_sample(classifier: SurfaceClassifier, seed: int) -> TensorSample:
-    """Draw recordings of random sizes; every second signal begins with quiet and a touch."""
+    """Draw recordings of random sizes, as strong as those of the training.
+
+    Every second signal begins with quiet and a touch.
+    """
     rng, recordings = np.random.default_rng(seed), {}
     for sense in classifier.senses.values():
         noise = example(sense, seed)
         if sense.medium == "signal":
             axes = axes_of(sense)[0 if seed % 4 < 2 else -1]
             samples = round(noise.shape[1] * rng.uniform(SHORTEST, 2))
-            noise = noise.repeat(1, 2)[:axes, :samples]
+            level = classifier.card.input_ranges.get(sense.modality, {}).get("level", [1.0])
+            noise = noise.repeat(1, 2)[:axes, :samples] * level[-1]  # far from it little counts
             if seed % 2:
                 noise[:, : noise.shape[1] // 10] *= 1e-3
         else:
