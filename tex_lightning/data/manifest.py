@@ -48,7 +48,7 @@ MEANT = {  # other names of columns, in tables of labels as people have them
     "path": ("path", "paths", "file", "files", "filename", "file_name", "file name", "filepath",
              "file_path", "fname", "slice_file_name"),
     "label": ("label", "labels", "class", "material", "category", "target", "surface", "texture",
-              "class_name", "class name", "y"),
+              "class_name", "class name", "terrain", "y"),
     "modality": ("modality",),
     "group": ("group",),
 }  # fmt: skip

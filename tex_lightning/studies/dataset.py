@@ -18,7 +18,8 @@ from tex_lightning.data.folds import (
     tested_part,
 )
 from tex_lightning.data.readers import read_recordings
-from tex_lightning.data.readers.layout import hint, rename
+from tex_lightning.data.readers.layout import hint
+from tex_lightning.data.readers.vocabulary import rename
 from tex_lightning.data.recordings import MODALITIES, Recording, Recordings, normal_form
 from tex_lightning.data.store import Store, Unusable, cache_root, list_files
 from tex_lightning.errors import UserError, listed

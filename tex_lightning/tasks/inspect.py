@@ -9,7 +9,8 @@ from tex_lightning.config import Config, Job
 from tex_lightning.core.console import say
 from tex_lightning.data.inspection import Finding, named_files, suspicions
 from tex_lightning.data.readers import read_recordings
-from tex_lightning.data.readers.layout import hint, rename
+from tex_lightning.data.readers.layout import hint
+from tex_lightning.data.readers.vocabulary import rename
 from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.store import Store, cache_root
 from tex_lightning.errors import UserError, listed
@@ -56,7 +57,10 @@ def _open(config: Config) -> tuple[Dataset, list[Sense]]:
     rows = table.without(row for row in table if row.modality in unread)
     if unread:
         note = f"No sense reads {listed(unread)}, and they are passed over.{rename(unread)}"
-        rows = replace(rows, notes=(*rows.notes, note))
+        lost = {*table.classes} - {*rows.classes}
+        rows = replace(
+            rows, notes=(*rows.notes, note, *(hint(config.data.root, table) if lost else ()))
+        )
     dataset = Dataset.decode(rows, EMPTY, store, table.classes)
     if not len(dataset.recordings):
         raise UserError(

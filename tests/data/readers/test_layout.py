@@ -8,8 +8,9 @@ from haptic_sets import touch
 
 from tex_lightning.data.manifest import read_manifest
 from tex_lightning.data.readers.folder import read_folder
-from tex_lightning.data.readers.layout import advise, hint, rename
+from tex_lightning.data.readers.layout import advise, hint
 from tex_lightning.data.readers.path_pattern import read_names
+from tex_lightning.data.readers.vocabulary import rename
 from tex_lightning.errors import UserError
 
 COMMAND = re.compile(r"task=manifest (data\.root=\S+|'data\.root=[^']+') pattern='([^']+)'")
@@ -81,6 +82,80 @@ def test_parts_of_names_in_one_folder_are_told(tmp_path, levels, told):
     with pytest.raises(UserError, match="no folder for each class: it holds") as caught:
         read_folder(tmp_path)
     assert read_as_told(tmp_path, str(caught.value)) == told
+
+
+@pytest.mark.parametrize(
+    ("files", "labels"),
+    [
+        (["set/red_oak_1.jpg", "set/elm_1.jpg"], "elm red_oak"),
+        (["set/cat.0.jpg", "set/dog.0.jpg"], "cat dog"),
+        ([f"set/haptic/{name}-{n}-a.csv" for name in ("oak", "elm") for n in "12"], "elm oak"),
+        (crossed("set", "material_1 material_2", "anna bob"), "material_1 material_2"),
+        ([*crossed("P1 P2", "day1 day2", ending="oak_1.csv"), "P1/day1/elm_1.csv"], "elm oak"),
+        ([*crossed("train test", "ann bob", ending="T_red_oak_7.csv"), "train/ann/T_elm_7.csv"],
+         "elm red_oak"),
+        (crossed("train test", "oak elm") + crossed("train", "oak", "bad"), "elm oak"),
+        (crossed("set", "C1 C2"), "C1 C2"),
+        ([*crossed("haptic image other", ending="oak_1.csv"), "image/elm_1.png"], "elm oak"),
+        ([*crossed("Train Val Test other", ending="oak_1.csv"), "Train/elm_1.csv"], "elm oak"),
+        (["oak_1.png", "elm_1.png", *crossed("plots", ending="oak_1.png")], "elm oak"),
+        (crossed("ann bob", "oak_1 elm_1", ending="day1_2.5.csv"), "elm_1 oak_1"),
+    ],
+)  # fmt: skip
+def test_one_of_the_patterns_that_are_told_has_the_classes(tmp_path, files, labels):
+    root = touch(tmp_path, *files)
+    try:
+        told = hint(str(root), read_folder(root))[0]
+    except UserError as error:
+        told = str(error)
+    found = [{row.label for row in read_names(root, each)[0]} for each in patterns(told, root)]
+    assert {*labels.split()} in found
+
+
+@pytest.mark.parametrize(
+    ("person", "names"),
+    [
+        ("P", "01_oak_9f 02_elm_9f"),
+        ("run", "1.Wood-1 2.Iron-1"),
+        ("v", "T_oak-1 T_oak-2 T_elm-1 T_elm-2"),
+    ],
+)
+def test_people_read_as_classes_are_told_whatever_stands_before_the_class(tmp_path, person, names):
+    files = crossed(f"{person}1 {person}2", ending="")
+    root = touch(tmp_path, *(f"{each}{name}.csv" for each in files for name in names.split()))
+    (note,) = read_folder(root).notes
+    (told,) = read_as_told(root, note)
+    assert len(told) == 4
+    assert len({label.split()[0] for label in told}) == 2
+
+
+def test_a_folder_that_begins_with_a_line_is_no_class(tmp_path):
+    table = read_folder(touch(tmp_path, *crossed("oak elm _background_noise_")))
+    assert table.classes == ["elm", "oak"]
+    assert "_background_noise_ is left out" in table.notes[0]
+
+
+def test_a_pattern_groups_pieces_and_takes_no_versions_nor_photos_of_signals(tmp_path):
+    names = ("oak_1_seg01", "oak_1_seg02", "oak_2_seg01", "elm_1_seg01")
+    root = touch(tmp_path, *(f"train/{name}.csv" for name in names), "test/oak_3_seg01.csv")
+    with pytest.raises(UserError) as caught:
+        read_folder(root)
+    assert read_as_told(root, str(caught.value).replace("{group}", "{take}")) == [
+        ["elm train/elm_1", "oak test/oak_3", "oak train/oak_1", "oak train/oak_2"]
+    ]
+    names = ("oak_1", "oak_1_filtered", "oak_1_meta", "elm_1", "elm_1_filtered")
+    root = touch(tmp_path / "b", *(f"test/{name}.csv" for name in names), "test/oak_1.wav")
+    table, _ = read_names(root, "{split}/{label}_{group}.*")
+    assert [row.path.name for row in table] == ["elm_1.csv", "oak_1.csv", "oak_1.wav"]
+    assert [note[:5] for note in table.notes] == ["3 fil", "1 rec"]
+    root = touch(tmp_path / "c", "oak/day1/haptic/1.wav", "oak/day1/haptic/1.png")
+    table, others = read_names(root, "{label}/*/{modality}/*")
+    assert (len(table), others) == (1, ["oak/day1/haptic/1.png"])
+
+
+def test_a_class_called_as_a_version_is_none(tmp_path):
+    root = touch(tmp_path, "mask/1.csv", "mask/1_info.csv", "glove/1.csv")
+    assert [row.path.name for row in read_folder(root)] == ["1.csv", "1.csv"]
 
 
 def test_both_readings_are_told_of_folders_that_nothing_tells_apart(tmp_path):

@@ -113,7 +113,9 @@ def read_recordings(
     if len(classes) < least:
         raise UserError(
             f"The data has only the class {', '.join(classes)}; telling classes apart takes two; "
-            + " ".join(["add recordings of another.", *hint(config.root, recordings)])
+            + " ".join(
+                ["add recordings of another.", *recordings.notes, *hint(config.root, recordings)]
+            )
         )
     recordings = recordings.in_classes(classes[: config.classes])
     told = _own_division(recordings) if config.test_where is None else []

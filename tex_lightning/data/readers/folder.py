@@ -6,7 +6,6 @@ own, ``root/CLASS/NAME/*``, are read as well. A class without folders for its se
 lies, ``root/CLASS/*``: a file's suffix tells its sense.
 """
 
-import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -14,25 +13,24 @@ from itertools import chain
 from pathlib import Path
 
 from tex_lightning.data.manifest import META, read_manifest
-from tex_lightning.data.readers.layout import (
-    ASIDE,
-    READ_ME,
-    SPLITS,
-    VERSIONS,
-    advise,
-    by_pattern,
-    doubts,
-    flat_patterns,
-    is_called,
-    is_sense,
-    tables_of_labels,
-)
+from tex_lightning.data.readers.file_names import flat_patterns, uncut
+from tex_lightning.data.readers.layout import advise, by_pattern, doubts, tables_of_labels
 from tex_lightning.data.readers.siblings import (
     check_sensor_folders,
     check_sensors,
     labels_apart,
     parts_apart,
+    pieces,
     without_versions,
+)
+from tex_lightning.data.readers.vocabulary import (
+    ASIDE,
+    SPLITS,
+    VERSIONS,
+    is_about,
+    is_called,
+    is_sense,
+    sense_of,
 )
 from tex_lightning.data.recordings import (
     MODALITIES,
@@ -49,11 +47,6 @@ from tex_lightning_runtime.tables import SUFFIXES
 from tex_lightning_runtime.traces import TRACE_SUFFIXES, axis_files, stands_for_all
 
 SYSTEMS = ("Thumbs.db", "desktop.ini")  # files that are nobody's
-PIECE = re.compile(  # ends of names of what was cut from one recording
-    r"[_. -](seg(ment)?|chunk|part|win(dow)?|slice|clip|piece|crop|patch|tile|frame|burst|aug"
-    r"|rot)s?[_. -]?\d+$",
-    re.IGNORECASE,
-)
 MAX_KINDS = 6
 MAX_WHOLE = 3  # tables, in which all recordings may be, since so few are no data set
 TO_SOUND = " Convert other sound to .flac or .wav, such as with ffmpeg."
@@ -139,15 +132,16 @@ def read_folder(root: str | Path) -> Recordings:
         rows += recordings
     cures = _cures([path for path in others if not rows or path.suffix.lower() not in ABOUT])
     counted = [f"Of other kinds and not read: {count_kinds(others)}.{cures}"] if others else []
-    if not rows:
+    recorded = _recorded(root)
+    if not rows or (len({row.label for row in rows}) == 1 and len(recorded) >= len(rows)):
         raise UserError(_nothing_in(root, others, counted))
-    beside = [path for path in _recorded(root) if path.suffix.lower() not in SUFFIXES]
+    beside = [path for path in recorded if path.suffix.lower() not in SUFFIXES]
     if beside:
         notes.append(
             f"Beside the folders of classes and not read: {count_kinds(beside)}; move each into "
             "the folder of its class."
         )
-    notes += _pieces(rows)
+    notes += pieces(rows)
     if deeper:
         notes.append(f"Too deep and not read: {count_kinds(deeper)}; {advise(root, deeper)}.")
     check_sensors(root, rows)
@@ -163,21 +157,24 @@ def _class_folders(root: Path, notes: list[str]) -> list[Path]:
         UserError: If all of them are parts or versions of the data set.
     """
     folders = _folders(root)
-    aside = [folder for folder in folders if is_called(folder.name, ASIDE)]
-    instead = [folder for folder in folders if is_called(folder.name, SPLITS | VERSIONS)]
-    classes = [folder for folder in folders if folder not in aside and folder not in instead]
-    if all(is_sense(folder.name) for folder in classes):
-        classes, instead = [], [*instead, *classes]
+    aside = [path for path in folders if path.name[0] == "_" or is_called(path.name, ASIDE)]
+    instead = [path for path in folders if is_called(path.name, SPLITS | VERSIONS)]
+    classes = [path for path in folders if path not in aside and path not in instead]
+    senses = [path for path in classes if is_sense(path.name)]
+    several = len({sense_of(path.name) for path in senses}) > 1
+    if len(senses) == len(classes) or (several and len(senses) > len(classes) / 2):
+        classes, instead = [], [*instead, *senses]
     check_sensor_folders(root, classes)
-    if not classes and (len(instead) > 1 or any(is_sense(folder.name) for folder in instead)):
-        paths = [path for folder in instead for path in _deeper(folder, ()) or _recorded(folder)]
+    few = sum(1 + len(_folders(folder)) for folder in classes) < 2
+    if few and (len(instead) > 1 or any(is_sense(folder.name) for folder in instead)):
+        paths = [path for each in instead for path in (*_recorded(each), *_deeper(each, ()))]
         if paths:
             raise UserError(
                 labels_apart(root, [path for folder in instead for path in _recorded(folder)])
                 or f"Folder {root} has the folders {listed([folder.name for folder in instead])} "
                 f"in the place of classes; {advise(root, paths)}."
             )
-    if sum(1 + len(_folders(folder)) for folder in classes) < 2:
+    if few:
         return [folder for folder in folders if folder.name.casefold() not in META]
     for folder in aside:
         if _deeper(folder, ()) or _recorded(folder):
@@ -198,14 +195,14 @@ def _nothing_in(root: Path, others: Sequence[Path], counted: Sequence[str]) -> s
     if apart := labels_apart(root, flat):
         return apart
     deep = [path for directory in _folders(root) for path in _deeper(directory, ())]
-    if deep:
+    recorded = _recorded(root)
+    if len(deep) > len(recorded):
         return (
             f"Folder {root} has no recordings where they are looked for, in CLASS/haptic and the "
             f"like, but deeper: {count_kinds(deep)}; {advise(root, deep)}."
         )
     if named := next(iter(tables_of_labels(root)), None):
         return f"Folder {root} has no folder for each class, but {named.notes[-1]}."
-    recorded = _recorded(root)
     if 0 < len(recorded) <= MAX_WHOLE and {path.suffix.lower() for path in recorded} <= {*SUFFIXES}:
         return (
             f"Folder {root} has no folder for each class: it holds {count_kinds(flat)}; write the "
@@ -214,6 +211,7 @@ def _nothing_in(root: Path, others: Sequence[Path], counted: Sequence[str]) -> s
         )
     if recorded:
         patterns = flat_patterns(recorded)
+        patterns = patterns if len(patterns) > 1 else [((), each) for _, each in patterns]
         told = f"{by_pattern(root, *patterns)}, or with a pattern that fits their names better"
         remedy = told if patterns else "give their classes in a manifest (docs/data.md, Manifest)"
         return (
@@ -242,7 +240,7 @@ def _deeper(directory: Path, recordings: Sequence[Recording]) -> list[Path]:
         path
         for path in sorted(directory.rglob("*"))
         if path.parent not in seen and path not in read and path.suffix.lower() in suffixes
-        and path.stem.casefold() not in READ_ME
+        and not is_about(path)
         and not is_hidden(path, directory) and path.is_file()
     ]  # fmt: skip
 
@@ -268,11 +266,7 @@ def _others(directory: Path, recordings: Sequence[Recording]) -> Iterator[Path]:
     beside = tuple(chain.from_iterable(BESIDE.values()))
     for folder in (directory, *_folders(directory)):
         for path in _visible(folder):
-            noted = (
-                folder == directory
-                and path.suffix.lower() in beside
-                and path.stem.casefold() not in READ_ME
-            )
+            noted = folder == directory and path.suffix.lower() in beside and not is_about(path)
             if not (noted or path in read or path.name in SYSTEMS or path.is_dir()):
                 yield path
 
@@ -295,31 +289,13 @@ def _read_class(directory: Path, notes: list[str]) -> list[Recording]:
     rows = []
     for sense, paths in inner.items():
         ordered = sorted(paths, key=lambda path: natural_key(path.name))
-        names = _uncut([path.stem for path in ordered])
+        names = uncut([path.stem for path in ordered])
         places = {name: n for n, name in enumerate(dict.fromkeys(names))}
         rows += [
             Recording(label, sense, path, f"{label}/{places[name]}")
             for path, name in zip(ordered, names, strict=True)
         ]
     return rows
-
-
-def _uncut(names: Sequence[str]) -> Sequence[str]:
-    """Return for each name that of the recording, if they are pieces of several."""
-    whole = [PIECE.sub("", name) for name in names]
-    return whole if len({*whole}) > 1 else names
-
-
-def _pieces(rows: Sequence[Recording]) -> list[str]:
-    """Say which files are in one group as pieces of one recording."""
-    cut = [row for row in rows if PIECE.search(row.path.stem)]
-    groups = {(row.modality, row.group) for row in cut}
-    return [
-        f"{len(cut)} files are pieces of {len(groups)} recordings by their names, such as "
-        f"{row.path}, and those of one recording are a group."
-        for row in cut[:1]
-        if len(groups) < len(cut)
-    ]
 
 
 def _unwrapped(directory: Path) -> Path:
@@ -348,7 +324,7 @@ def _files(directory: Path, suffixes: tuple[str, ...]) -> list[Path]:
         path
         for path in _visible(directory)
         if path.suffix.lower() in suffixes
-        and path.stem.casefold() not in READ_ME
+        and not is_about(path)
         and not path.is_dir()
         and stands_for_all(path)
     ]

@@ -2,11 +2,15 @@
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from tex_lightning.data.manifest import FOLD, KNOWN, PART, RATE, modality_by_suffix
-from tex_lightning.data.readers.layout import READ_ME
-from tex_lightning.data.readers.siblings import check_sensors, without_versions
+from tex_lightning.data.readers.file_names import uncut
+from tex_lightning.data.readers.folder import suffixes_of
+from tex_lightning.data.readers.layout import formats
+from tex_lightning.data.readers.siblings import check_sensors, pieces, without_versions
+from tex_lightning.data.readers.vocabulary import is_about
 from tex_lightning.data.recordings import (
     Recording,
     Recordings,
@@ -32,7 +36,7 @@ def read_names(root: Path, pattern: str) -> tuple[Recordings, list[str]]:
             ``{rate}`` and ``{fold}`` the columns of a manifest; for others conditions. ``*`` is
             anything, and what follows another directly is a number. Without ``{modality}`` the
             suffix tells it, and without ``{group}`` files of one name, whatever their suffix and
-            modality, are a group.
+            modality, are a group, as are pieces of one recording, ``r1_seg01`` and ``r1_seg02``.
 
     Raises:
         UserError: If the pattern cannot be used, or no name fits.
@@ -50,9 +54,11 @@ def read_names(root: Path, pattern: str) -> tuple[Recordings, list[str]]:
     wanted, rows, others = _compiled(pattern), [], []
     for path in _files(root):
         name = path.relative_to(root).as_posix()
-        about = path.stem.casefold() in READ_ME and path.stem not in pattern  # of the recordings
-        if not about and (match := wanted.fullmatch(name)):
-            rows.append(_recording(path, name, match.groupdict()))
+        about = is_about(path) and path.stem not in pattern  # of the recordings
+        match = None if about else wanted.fullmatch(name)
+        row = match and _recording(path, name, match.groupdict())
+        if row and path.suffix.lower() in suffixes_of(row.modality):
+            rows.append(row)
         else:
             others.append(name)
     if not rows:
@@ -61,8 +67,12 @@ def read_names(root: Path, pattern: str) -> tuple[Recordings, list[str]]:
             f"No file in {root} has a name like pattern={shorten(pattern)}, {seen}; correct the "
             "pattern, which is a path below data.root."
         )
+    if f"{{{GROUP}}}" not in pattern:
+        names = uncut([str(row.group) for row in rows])
+        rows = [replace(row, group=name) for row, name in zip(rows, names, strict=True)]
     check_sensors(root, rows)
-    return without_versions(root, rows), others
+    table = without_versions(root, rows)
+    return replace(table, notes=(*table.notes, *pieces(table.rows), *formats(table.rows))), others
 
 
 def _files(root: Path) -> Iterator[Path]:
@@ -90,7 +100,8 @@ def _compiled(pattern: str) -> re.Pattern[str]:
     for match in FIELD.finditer(pattern):
         parts.append(re.escape(pattern[end : match.start()]))
         end = match.end()
-        beside = re.escape(pattern[match.start() - 1 : match.start()] + pattern[end : end + 1])
+        behind = "" if re.fullmatch(r"\.(\w+|\*)", pattern[end:]) else pattern[end : end + 1]
+        beside = re.escape(pattern[match.start() - 1 : match.start()] + behind)
         only = rf"[^/{beside}]+" if match[1] != LABEL else "[^/]+"
         if match.start() and pattern[match.start() - 1] == "}":  # a number directly behind a name
             only = r"(?<!\d)\d+"

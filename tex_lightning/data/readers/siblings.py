@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
 
-from tex_lightning.data.readers.layout import PLAIN, SPLITS, VERSIONS, advise, crossed, words
+from tex_lightning.data.readers.file_names import PIECE
+from tex_lightning.data.readers.layout import advise, crossed
+from tex_lightning.data.readers.vocabulary import PLAIN, SPLITS, VERSIONS, is_called, words
 from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.errors import UserError, inflected, listed
 from tex_lightning_runtime.tables import SUFFIXES
@@ -48,9 +50,10 @@ def check_sensors(root: Path, rows: Sequence[Recording]) -> None:
         remedy = "write the columns of one recording into one file"
         if first.suffix != other.suffix:
             remedy = "move what is no haptic recording into a folder of its sense, such as sound"
+        same = [row.path for row in rows if word in row.path.stem]
         raise UserError(
             f"{first} and {other.name} are of two sensors by their names; {remedy}, or choose a "
-            f"sensor: {advise(root, [first], f'*{word}*')}."
+            f"sensor: {advise(root, same, f'*{word}*')}."
         )
 
 
@@ -72,14 +75,18 @@ def without_versions(root: Path, rows: Sequence[Recording]) -> Recordings:
         Of each recording the version without such a word, or else the raw one; a note names others.
     """
     versions: dict[object, dict[frozenset[str], list[Recording]]] = defaultdict(dict)
+    values = defaultdict[str, list[str]](list)
+    for name, value in chain.from_iterable(row.conditions for row in rows):
+        values[name].append(value)
+    told = {name for name in values if all(is_called(each, VERSIONS) for each in values[name])}
     for row in rows:
         named = words(row.path.relative_to(root).with_suffix("").as_posix())
-        said = frozenset(named) & VERSIONS
+        said = frozenset(named) & VERSIONS - {*words(row.label)}
         plain = tuple(
             word for word in named if word not in said and not (said and word in ("of", "von"))
         )
-        same = versions[row.label, row.modality, row.conditions, plain]
-        same.setdefault(said, []).append(row)
+        named_by = tuple(pair for pair in row.conditions if pair[0] in told)
+        versions[row.modality, named_by, plain].setdefault(said, []).append(row)
     left: set[Recording] = set()
     for same in versions.values():
         kept = min(same, key=lambda said: (bool(said), not said & PLAIN, sorted(said)))
@@ -87,8 +94,8 @@ def without_versions(root: Path, rows: Sequence[Recording]) -> Recordings:
     table = Recordings(tuple(row for row in rows if row not in left))
     if not left:
         return table
-    first = next(row for row in rows if row in left)
-    stem, name = first.path.stem, "*"
+    paths = [row.path for row in rows if row in left]
+    stem, name = paths[0].stem, "*"
     for word in sorted(VERSIONS & {*words(stem)}):  # else a folder has it
         at = stem.casefold().index(word)
         name = f"*{stem[at : at + len(word)]}*"
@@ -97,9 +104,36 @@ def without_versions(root: Path, rows: Sequence[Recording]) -> Recordings:
         "file is left out as a version of a recording beside it by its name",
         "files are left out as versions of recordings beside them by their names",
     )
-    instead = f"to take them instead, {advise(root, [first.path], name)}"
-    note = f"{files}, such as {first.path}; {instead}."
+    instead = f"to take them instead, {advise(root, paths, name)}"
+    note = f"{files}, such as {paths[0]}; {instead}."
     return Recordings(table.rows, (note,))
+
+
+def pieces(rows: Sequence[Recording]) -> list[str]:
+    """Say which files are in one group as pieces of one recording, and which are all of a class."""
+    cut = [row for row in rows if PIECE.search(row.path.stem)]
+    groups = {(row.modality, row.group) for row in cut}
+    notes = [
+        f"{len(cut)} files are pieces of {len(groups)} recordings by their names, such as "
+        f"{row.path}, and those of one recording are a group."
+        for row in cut[:1]
+        if len(groups) < len(cut)
+    ]
+    whole: dict[tuple[str, str], list[Path]] = defaultdict(list)
+    for row in rows:
+        whole[row.label, row.modality].append(row.path)
+    alone = {
+        label
+        for (label, _), paths in whole.items()
+        if len(paths) > 1 == len({PIECE.sub("", path.stem) for path in paths})
+        and all(PIECE.search(path.stem) for path in paths)
+    }
+    if alone:
+        notes.append(
+            f"All files of {listed(sorted(alone))} are pieces of one recording by their names, and "
+            "are groups of their own: a test on one that trains on the others tells little."
+        )
+    return notes
 
 
 def parts_apart(root: Path, rows: Sequence[Recording]) -> list[str]:
