@@ -59,6 +59,7 @@ def test_a_spreadsheets_semicolons_and_decimal_commas_are_read(tmp_path):
         HEADER.replace(",", "|") + "w|haptic|.\\sub\\a.wav|0\n",
         "# of Monday\n\n#\n" + HEADER.title() + "w,haptic,sub/a.wav,0\n",
         "y,modality,path,GROUP\nw,haptic,~/sub/a.wav,0\n",
+        "ClassId,modality,Wav File,group\nw,haptic,sub/a.wav,0\n",
         (HEADER + "w,haptic,sub/a.wav,0\n").encode("utf-16"),
         (HEADER + "w,haptic,sub/a.wav,0\n").replace("\n", "\r").encode("utf-8-sig"),
     ],
@@ -84,6 +85,17 @@ def test_manifests_as_programs_and_people_write_them(tmp_path, content, monkeypa
 def test_marks_of_thousands_in_rates_are_those_of_the_separator(tmp_path, rate, mark, expected):
     lines = "label,modality,path,group,rate\nw,haptic,a.wav,0,{}\n".replace(",", mark)
     assert read_manifest(manifest(tmp_path, lines.format(rate))).rows[0].sampling_rate == expected
+
+
+def test_a_path_may_be_relative_to_the_folder_above_that_of_the_manifest(tmp_path):
+    for name in ("data/a.wav", "lists/data/b.wav", "c.wav", "lists/deep/c.wav"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    path = tmp_path / "lists" / "train.csv"
+    path.write_text("label,image_path\noak,data/a.wav\nelm,data\\b.wav\nash,c.wav\n")
+    path.write_text(f"{path.read_text()}ash,{(tmp_path / 'c.wav').as_uri()}\n")
+    found = [row.path.relative_to(tmp_path).as_posix() for row in read_manifest(path)]
+    assert found == ["data/a.wav", "lists/data/b.wav", "lists/deep/c.wav", "c.wav"]
 
 
 def test_parts_of_a_file_may_share_it_unless_they_overlap(tmp_path):
@@ -138,6 +150,12 @@ def test_a_column_fold_fixes_the_folds_and_is_no_condition(tmp_path, cells, fold
         ("path,group\n", "has no column label; its first line must name .* group may be left out"),
         (HEADER, "lists no recordings"),
         ("label,path,label\n", "has several columns label; keep one of them"),
+        (
+            "label,sensor_file,sound_file\n",
+            "has a column of files 'sound_file' and none called path",
+        ),
+        ("label,profile\n", "has no column path;"),
+        ("label,haptic,wav_path\n", "a column of files 'haptic' and none called path"),
         ("label,haptic,image_path\n", "a column of files 'haptic' .* a line for each file"),
         ("lable,modality,path,group\n", "a column 'lable'; call it label"),
         (HEADER + "w,two words,a.wav,0\n", "line 2 has modality 'two words'; give one word"),

@@ -10,6 +10,7 @@ from functools import cached_property
 from io import StringIO
 from pathlib import Path, PureWindowsPath
 from typing import Any
+from urllib.parse import unquote
 
 from tex_lightning.core.files import resolved
 from tex_lightning.data.recordings import (
@@ -44,15 +45,17 @@ SAMPLES = (
     "; samples are no manifest: each recording has a file of its own (docs/data.md, Recordings in "
     "one file)"
 )
-MEANT = {  # other names of columns, in tables of labels as people have them
-    "path": ("path", "paths", "file", "files", "filename", "file_name", "file name", "filepath",
-             "file_path", "fname", "slice_file_name"),
+MEANT = {  # other names of columns, in tables of labels as people have them, without separators
+    "path": ("path", "paths", "file", "files", "filename", "filepath", "fname", "slicefilename"),
     "label": ("label", "labels", "class", "material", "category", "target", "surface", "texture",
-              "class_name", "class name", "terrain", "y"),
+              "classname", "classid", "terrain", "y"),
     "modality": ("modality",),
     "group": ("group",),
 }  # fmt: skip
 NEEDED = ("path", "label")
+FILES = re.compile(
+    r".*(path|(?<!pro)file|filename|imagename)"
+)  # a name of the only column of files
 META = ("meta", "metadata", "labels", "annotations")  # folders of tables beside their recordings
 SESSIONS = re.compile(  # names of conditions that groups may be
     r"(session|subject|participant|person|user|operator|patient|specimen|day|date)(s?|_?id|_?no)"
@@ -68,11 +71,11 @@ SPAN = re.compile(  # names of conditions that parts may be
 def read_manifest(path: str | Path) -> Recordings:
     r"""Read a table from CSV with the columns ``label,modality,path,group``.
 
-    Relative paths are relative to the manifest, and lines above the names may begin with ``#``; a
-    bare name may be that of the only such file below it, or beside its folder ``meta``, with or
-    without its suffix. Without a column ``modality`` photos are known by their suffix, and all else
-    is ``haptic``; without ``group`` files of one name are a group. A column ``rate``
-    (Hz) gives the rate of traces whose format states none. A column ``part``, such as ``0-0.5``, is
+    Relative paths are relative to the manifest, or to the folder above its own. Lines above the
+    names may begin with ``#``; a bare name may be that of the only such file below it, or beside
+    its folder ``meta``, with or without its suffix. Without a column ``modality`` photos are known
+    by their suffix, and all else is ``haptic``; without ``group`` files of one name are a group. A column
+    ``rate`` (Hz) gives the rate of traces whose format states none. A column ``part``, such as ``0-0.5``, is
     the position of a recording in its file. A column ``fold`` fixes the folds: numbers from 0, or
     any other numbers or names, which are counted in natural order. All other columns are conditions
     of the recordings, such as speed, force or light. ``group`` is any text (:class:`Recording`).
@@ -139,7 +142,7 @@ def names_recordings(path: Path) -> Recordings | None:
         return None
     with path.open("rb") as stream:
         first = stream.readline(HEAD).decode(errors="replace").lstrip("\ufeff").casefold()
-    cells = {cell.strip(" \t\r\n\"'") for cell in re.split(f"[{SEPARATORS}]", first)}
+    cells = {*map(_joined, re.split(f"[{SEPARATORS}]", first))}
     if not all(cells & {*MEANT[name]} for name in NEEDED):
         return None
     try:
@@ -159,10 +162,13 @@ class _Files:
         """Return a file, whose name may have blanks around it, be as of Windows, or be bare."""
         plain = PureWindowsPath(name.strip())
         home = os.path.expanduser(name.strip())  # noqa: PTH111  (which raises no errors)
-        for each in (name, name.strip(), plain.as_posix(), home):
-            if is_file(path := self.folder / each):
-                return path
-        below = self._below.get(plain.name, []) if plain.name == name.strip() else []
+        address = unquote(name.strip().removeprefix("file://"))
+        bare = plain.name == name.strip()
+        for folder in (self.folder, self.folder.parent)[: 1 if bare else 2]:
+            for each in (name, name.strip(), plain.as_posix(), home, address):
+                if is_file(path := folder / each):
+                    return path
+        below = self._below.get(plain.name, []) if bare else []
         return below[0] if len(below) == 1 else self.folder / name
 
     @cached_property
@@ -221,8 +227,7 @@ def _check_names(path: Path, names: Sequence[str]) -> None:
     if twice := [name for name in KNOWN if names.count(name) > 1]:
         raise UserError(f"Manifest {path} has several columns {twice[0]}; keep one of them.")
     if missing := [column for column in NEEDED if column not in names]:
-        wide = [n for n in names if modality_named(n.casefold().split("_")[0]) in MODALITIES]
-        if wide and missing == ["path"]:
+        if (wide := _wide(names)) and missing == ["path"]:
             raise UserError(
                 f"Manifest {path} has a column of files {wide[0]!r} and none called path; write "
                 f"{','.join(COLUMNS)}, a line for each file, and those made together as a group."
@@ -238,13 +243,26 @@ def _check_names(path: Path, names: Sequence[str]) -> None:
 def _names(lines: Iterable[str], delimiter: str) -> list[str]:
     """Return the names of columns, with other words for path and label where these are absent."""
     names = [name.strip() for name in next(csv.reader(lines, delimiter=delimiter), ())]
-    plain = [name.casefold() for name in names]
+    plain = [*map(_joined, names)]
     meant = {
         plain.index(found): known
         for known, others in MEANT.items()
         if known not in names and (found := next((o for o in others if o in plain), None))
     }
+    files = [at for at, name in enumerate(plain) if FILES.fullmatch(name)]
+    alone = len(files) == 1 and not {*_wide(names)} - {names[files[0]]}
+    if alone and "path" not in (*names, *meant.values()):
+        meant[files[0]] = "path"
     return [meant.get(at, name) for at, name in enumerate(names)]
+
+
+def _wide(names: Sequence[str]) -> list[str]:
+    """Return the columns that are called as a modality, which may name its files."""
+    return [n for n in names if modality_named(n.casefold().split("_")[0]) in MODALITIES]
+
+
+def _joined(name: str) -> str:
+    return re.sub(r"[\W_]+", "", name.casefold())
 
 
 def _fixed_folds(cells: Mapping[str, str]) -> tuple[list[int | None], tuple[str, ...]]:
@@ -332,7 +350,7 @@ def _plain_number(text: str, delimiter: str) -> str:
 
 def _nearly(name: str) -> str | None:
     """Return the known column that a name may be a misspelling of; None if there is none."""
-    plain = re.sub(r"[\W_]+", "", name.casefold())
+    plain = _joined(name)
     if name in KNOWN or not plain:
         return None
     if SAMPLING.fullmatch(plain):
