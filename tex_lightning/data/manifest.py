@@ -74,11 +74,12 @@ def read_manifest(path: str | Path) -> Recordings:
     Relative paths are relative to the manifest, or to the folder above its own. Lines above the
     names may begin with ``#``; a bare name may be that of the only such file below it, or beside
     its folder ``meta``, with or without its suffix. Without a column ``modality`` photos are known
-    by their suffix, and all else is ``haptic``; without ``group`` files of one name are a group. A column
-    ``rate`` (Hz) gives the rate of traces whose format states none. A column ``part``, such as ``0-0.5``, is
-    the position of a recording in its file. A column ``fold`` fixes the folds: numbers from 0, or
-    any other numbers or names, which are counted in natural order. All other columns are conditions
-    of the recordings, such as speed, force or light. ``group`` is any text (:class:`Recording`).
+    by their suffix, and all else is ``haptic``; without ``group`` files of one name are a group. A
+    column ``rate`` (Hz) gives the rate of traces whose format states none. A column ``part``, such
+    as ``0-0.5``, is the position of a recording in its file. A column ``fold`` fixes the folds:
+    numbers from 0, or any other numbers or names, which are counted in natural order. All other
+    columns are conditions of the recordings, such as speed, force or light. ``group`` is any text
+    (:class:`Recording`).
 
     Raises:
         UserError: If the file is missing, a column is missing or a line cannot be understood.
