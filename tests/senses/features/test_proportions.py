@@ -345,9 +345,19 @@ def test_what_is_empty_counts_as_it_usually_is(levels):
         assert known < 0.65 * unknown, (kind, known, unknown)
 
 
+@pytest.mark.parametrize("rate", [20.0, 100.0])
+def test_what_is_shorter_than_every_window_of_a_slow_signal_is_mirrored(rate):
+    features = make(rate, windows=(0.256, 0.93), skip_impact=True, levels=1)
+    features.learn([noise(9, rate, seed) for seed in range(3)])
+    short = noise(0.4, rate, seed=3)[:, : features.min_samples]
+    assert short.shape[1] < min(window.length for window in features.windows)
+    twice = torch.cat((short, short.flip(1)), dim=1)
+    torch.testing.assert_close(features(short)[0, 0, :, 0], features(twice)[0, 0, :, 0])
+
+
 def test_what_is_too_short_is_refused_with_its_length():
     features = make()
-    with pytest.raises(UserError, match=r"0\.03 s of movement, less than the shortest window of 0"):
+    with pytest.raises(UserError, match=r"0\.03 s of movement, less than 0\.032 s; rec"):
         features(noise(0.03))
     for seconds in (0.001, 60.0):  # 2 samples; 120,000
         with pytest.raises(UserError, match="No window of 8 to 65536 samples at 2000 Hz"):

@@ -181,15 +181,15 @@ class BandProportions(nn.Module):
 
     @property
     def min_samples(self) -> int:
-        """Samples of movement that a recording has to have."""
-        shortest: int = min(window.length for window in self.windows)
-        return max(shortest, block_length(self.sampling_rate) if self.skip_impact else 0)
+        """Samples of movement that a recording has to have; it is mirrored where no window fits."""
+        block = block_length(self.sampling_rate)
+        return block if self.skip_impact else min(block, *(x.length for x in self.windows))
 
     def movement(self, trace: Tensor) -> Tensor:
         """Return the movement (axes, samples) in a trace, at the usual gain.
 
         Raises:
-            UserError: If it is shorter than the shortest window, or 0.05 s.
+            UserError: If it is shorter than 0.05 s, or 8 samples.
         """
         trace = self.gravity(trace)
         if self.skip_impact:
@@ -202,8 +202,7 @@ class BandProportions(nn.Module):
         if trace.shape[-1] < self.min_samples:
             raise UserError(
                 f"The signal has {trace.shape[-1] / self.sampling_rate:.2g} s of movement, less "
-                f"than the shortest window of {self.min_samples / self.sampling_rate:.2g} s; "
-                "record a longer stroke."
+                f"than {self.min_samples / self.sampling_rate:.2g} s; record a longer stroke."
             )
 
     def filled(self, movement: Tensor) -> Tensor:
