@@ -88,14 +88,33 @@ def test_marks_of_thousands_in_rates_are_those_of_the_separator(tmp_path, rate, 
 
 
 def test_a_path_may_be_relative_to_the_folder_above_that_of_the_manifest(tmp_path):
-    for name in ("data/a.wav", "lists/data/b.wav", "c.wav", "lists/deep/c.wav"):
+    for name in ("data/a.wav", "data/b.wav", "c.wav", "lists/deep/c.wav"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
     path = tmp_path / "lists" / "train.csv"
     path.write_text("label,image_path\noak,data/a.wav\nelm,data\\b.wav\nash,c.wav\n")
     path.write_text(f"{path.read_text()}ash,{(tmp_path / 'c.wav').as_uri()}\n")
     found = [row.path.relative_to(tmp_path).as_posix() for row in read_manifest(path)]
-    assert found == ["data/a.wav", "lists/data/b.wav", "lists/deep/c.wav", "c.wav"]
+    assert found == ["data/a.wav", "data/b.wav", "lists/deep/c.wav", "c.wav"]
+
+
+def test_a_missing_file_is_not_one_of_its_name_in_the_folder_above(tmp_path):
+    for name in ("oak/1.wav", "1.wav", "set/new/oak/2.wav", "set/oak/1.wav"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    path = tmp_path / "set" / "new" / "labels.csv"
+    for missing in ("oak/1.wav", "./oak/1.wav", "../1.wav"):
+        path.write_text(f"label,path\noak,{missing}\nelm,oak/2.wav\n")
+        assert [row.path.is_file() for row in read_manifest(path)] == [False, True]
+    path.write_text("label,path\noak,../1.wav\n")
+    assert not read_manifest(path).rows[0].path.is_file()
+
+
+def test_conditions_that_name_files_are_told(tmp_path):
+    lines = "label,wav_file,photo,state\noak,1.wav,1.jpg,wet\nelm,2.wav,,dry.2\n"
+    notes = read_manifest(manifest(tmp_path, lines)).notes
+    assert [note for note in notes if "files that it names are not read" in note] == [notes[-1]]
+    assert notes[-1].startswith("The column photo is a condition")
 
 
 def test_parts_of_a_file_may_share_it_unless_they_overlap(tmp_path):
@@ -155,6 +174,8 @@ def test_a_column_fold_fixes_the_folds_and_is_no_condition(tmp_path, cells, fold
             "has a column of files 'sound_file' and none called path",
         ),
         ("label,profile\n", "has no column path;"),
+        ("label,audio_file\n", "has no column path;"),
+        ("label,sound_path\n", "has a column of files 'sound_path' and none called path"),
         ("label,haptic,wav_path\n", "a column of files 'haptic' and none called path"),
         ("label,haptic,image_path\n", "a column of files 'haptic' .* a line for each file"),
         ("lable,modality,path,group\n", "a column 'lable'; call it label"),

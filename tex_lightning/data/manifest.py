@@ -53,9 +53,9 @@ MEANT = {  # other names of columns, in tables of labels as people have them, wi
     "group": ("group",),
 }  # fmt: skip
 NEEDED = ("path", "label")
-FILES = re.compile(
-    r".*(path|(?<!pro)file|filename|imagename)"
-)  # a name of the only column of files
+FILES = re.compile(  # a name of the only column of files, whose sense their suffix tells
+    r"(?!sound|audio|mic).*(path|(?<!pro)file|filename|imagename)"
+)
 META = ("meta", "metadata", "labels", "annotations")  # folders of tables beside their recordings
 SESSIONS = re.compile(  # names of conditions that groups may be
     r"(session|subject|participant|person|user|operator|patient|specimen|day|date)(s?|_?id|_?no)"
@@ -71,15 +71,15 @@ SPAN = re.compile(  # names of conditions that parts may be
 def read_manifest(path: str | Path) -> Recordings:
     r"""Read a table from CSV with the columns ``label,modality,path,group``.
 
-    Relative paths are relative to the manifest, or to the folder above its own. Lines above the
-    names may begin with ``#``; a bare name may be that of the only such file below it, or beside
-    its folder ``meta``, with or without its suffix. Without a column ``modality`` photos are known
-    by their suffix, and all else is ``haptic``; without ``group`` files of one name are a group. A
-    column ``rate`` (Hz) gives the rate of traces whose format states none. A column ``part``, such
-    as ``0-0.5``, is the position of a recording in its file. A column ``fold`` fixes the folds:
-    numbers from 0, or any other numbers or names, which are counted in natural order. All other
-    columns are conditions of the recordings, such as speed, force or light. ``group`` is any text
-    (:class:`Recording`).
+    Relative paths are relative to the manifest, or else all of them to the folder above its own.
+    Lines above the names may begin with ``#``; a bare name may be that of the only such file below
+    it, or beside its folder ``meta``, with or without its suffix. Without a column ``modality``
+    photos are known by their suffix, and all else is ``haptic``; without ``group`` files of one
+    name are a group. A column ``rate`` (Hz) gives the rate of traces whose format states none. A
+    column ``part``, such as ``0-0.5``, is the position of a recording in its file. A column
+    ``fold`` fixes the folds: numbers from 0, or any other numbers or names, which are counted in
+    natural order. All other columns are conditions of the recordings, such as speed, force or
+    light. ``group`` is any text (:class:`Recording`).
 
     Raises:
         UserError: If the file is missing, a column is missing or a line cannot be understood.
@@ -95,7 +95,7 @@ def read_manifest(path: str | Path) -> Recordings:
     path = Path(path)
     delimiter, names, lines = _read_lines(path)
     _check_names(path, names)
-    files = _Files(path.parent)
+    files = _Files(path.parent, [from_cell(line["path"]) for line in lines.values()])
     rows = [_read_line(files, where, line, delimiter) for where, line in lines.items()]
     check_distinct(f"Manifest {path}", rows)
     if not rows:
@@ -104,7 +104,8 @@ def read_manifest(path: str | Path) -> Recordings:
     folds, notes = _fixed_folds(cells)
     folded = zip(rows, folds, strict=True)
     return Recordings(
-        tuple(replace(row, fold=fold) for row, fold in folded), (*notes, *_notes(path, names))
+        tuple(replace(row, fold=fold) for row, fold in folded),
+        (*notes, *_notes(path, names), *_files_in_conditions(names, lines)),
     )
 
 
@@ -132,6 +133,19 @@ def _notes(path: Path, names: Sequence[str]) -> Iterator[str]:
         )
 
 
+def _files_in_conditions(
+    names: Sequence[str], lines: Mapping[str, Mapping[Any, Any]]
+) -> Iterator[str]:
+    """Yield which conditions name files, such as photos beside the signals of ``path``."""
+    for name in filter(lambda name: name and name not in KNOWN, names):
+        kinds = {Path(line[name]).suffix.lower() for line in lines.values() if line[name]}
+        if kinds and kinds <= {*TRACE_SUFFIXES, *IMAGE_SUFFIXES}:
+            yield (
+                f"The column {name} is a condition, and the files that it names are not read; give "
+                "each file a line of its own if they are meant."
+            )
+
+
 def modality_by_suffix(path: Path) -> str:
     """Return the modality of a file if nothing but its suffix tells it."""
     return "image" if path.suffix.lower() in IMAGE_SUFFIXES else "haptic"
@@ -154,23 +168,31 @@ def names_recordings(path: Path) -> Recordings | None:
 
 
 class _Files:
-    """The files that a manifest may name."""
+    """The files that a manifest may name.
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    Args:
+        folder: That of the manifest.
+        names: All names in it.
+    """
+
+    def __init__(self, folder: Path, names: Sequence[str]) -> None:
+        self.folder, self.names = folder, names
 
     def find(self, name: str) -> Path:
-        """Return a file, whose name may have blanks around it, be as of Windows, or be bare."""
-        plain = PureWindowsPath(name.strip())
-        home = os.path.expanduser(name.strip())  # noqa: PTH111  (which raises no errors)
-        address = unquote(name.strip().removeprefix("file://"))
-        bare = plain.name == name.strip()
-        for folder in (self.folder, self.folder.parent)[: 1 if bare else 2]:
-            for each in (name, name.strip(), plain.as_posix(), home, address):
-                if is_file(path := folder / each):
-                    return path
-        below = self._below.get(plain.name, []) if bare else []
-        return below[0] if len(below) == 1 else self.folder / name
+        """Return a file; a bare name may be that of one below."""
+        found, plain = _found(self.folder, name), PureWindowsPath(name.strip())
+        if found is None and plain.name == name.strip():
+            below = self._below.get(plain.name, [])
+            found = below[0] if len(below) == 1 else None
+        elif found is None and ".." not in plain.parts and self._are_above:
+            found = _found(self.folder.parent, name)
+        return found or self.folder / name
+
+    @cached_property
+    def _are_above(self) -> bool:
+        """Whether none is below; else one that is missing would be another folder's namesake."""
+        found = (_found(self.folder, name) for name in self.names)
+        return not any(path.is_relative_to(self.folder) for path in found if path)
 
     @cached_property
     def _below(self) -> dict[str, list[Path]]:
@@ -181,6 +203,15 @@ class _Files:
                 found[path.name].append(path)
                 found[path.stem].append(path)
         return found
+
+
+def _found(folder: Path, name: str) -> Path | None:
+    """Return a file, whose name may have blanks around it, or be as of Windows or an address."""
+    plain = name.strip()
+    home = os.path.expanduser(plain)  # noqa: PTH111  (which raises no errors)
+    address = unquote(plain.removeprefix("file://"))
+    names = (name, plain, PureWindowsPath(plain).as_posix(), home, address)
+    return next((path for each in names if is_file(path := folder / each)), None)
 
 
 def _read_lines(path: Path) -> tuple[str, list[str], dict[str, dict[Any, Any]]]:
