@@ -129,6 +129,12 @@ def test_people_read_as_classes_are_told_whatever_stands_before_the_class(tmp_pa
     assert len({label.split()[0] for label in told}) == 2
 
 
+@pytest.mark.parametrize("beside", [("log.csv",), ("setup.png", "map.jpg"), ("1.wav",)])
+def test_a_single_class_is_read_whatever_else_lies_beside_it(tmp_path, beside):
+    rows = read_folder(touch(tmp_path, "walnut/1.wav", *beside)).rows
+    assert [row.label for row in rows] == ["walnut"]
+
+
 def test_a_folder_that_begins_with_a_line_is_no_class(tmp_path):
     table = read_folder(touch(tmp_path, *crossed("oak elm _background_noise_")))
     assert table.classes == ["elm", "oak"]

@@ -133,7 +133,10 @@ def read_folder(root: str | Path) -> Recordings:
     cures = _cures([path for path in others if not rows or path.suffix.lower() not in ABOUT])
     counted = [f"Of other kinds and not read: {count_kinds(others)}.{cures}"] if others else []
     recorded = _recorded(root)
-    if not rows or (len({row.label for row in rows}) == 1 and len(recorded) >= len(rows)):
+    kinds = {row.path.suffix.lower() for row in rows}
+    flat = [path for path in recorded if path.suffix.lower() in kinds]
+    one = len({row.label for row in rows}) == 1  # which may be pictures of what is beside it
+    if not rows or (one and len(flat) >= max(2, len(rows))):
         raise UserError(_nothing_in(root, others, counted))
     beside = [path for path in recorded if path.suffix.lower() not in SUFFIXES]
     if beside:
