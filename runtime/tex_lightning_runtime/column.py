@@ -294,15 +294,19 @@ class Column:
 
     def _unit(self) -> float | None:
         """Return the unit of a time in seconds as name and row of units have it; None if not."""
-        for unit in self.units:
-            if unit in UNITS:
-                return UNITS[unit]
+        stated = {UNITS[unit]: unit for unit in self.units if unit in UNITS}
+        for unit in () if stated else self.units:
             if not NO_UNITS.fullmatch(unit) and not {*split_words(unit)} <= OF_TIME:
                 raise ask_unit(self.name, f"whose unit {unit!r} is not known")
-        if re.search(r"(?<![^\W_])\d+[mun]s", self.name):  # time_100us
+        if not stated and re.search(r"(?<![^\W_])\d+[mun]s", self.name):  # time_100us
             raise ask_unit(self.name, "whose unit has a number")
         words = self.words[: (*self.words, "of").index("of")]  # seconds of the day
-        return next((UNITS[word] for word in reversed(words) if word in UNITS), None)
+        if not stated:
+            return next((UNITS[word] for word in reversed(words) if word in UNITS), None)
+        stated |= {UNITS[word]: word for word in words[-1:] if word in UNITS and len(word) > 1}
+        if len(stated) > 1:
+            raise ask_unit(self.name, f"whose units {' and '.join(stated.values())} differ")
+        return next(iter(stated))
 
 
 def split_words(name: str) -> tuple[str, ...]:

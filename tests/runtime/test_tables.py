@@ -1097,6 +1097,10 @@ REFUSED = {
         table(times(), X, names="time (ticks),x\n"),
         r"'time \(ticks\)', whose unit 'ticks' is not known; give data.time_unit=ms",
     ),
+    "two units": (
+        table(times(1e3), X, names="t_ms,x\ns,g\n"),
+        "'t_ms', whose units s and ms differ; give data.time_unit=ms",
+    ),
     "no unit": (
         table(times(1e3), X, names="time,x\n"),
         "column of time 'time', which rises by 0.5 a sample, has no unit; give data.time_unit=ms",
