@@ -6,6 +6,7 @@ in them is run: pickled objects are left out, and refused where there is nothing
 """
 
 import math
+import re
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
@@ -17,20 +18,14 @@ import numpy as np
 from tex_lightning_runtime.hdf5 import NUMBERS, is_hdf5, read_hdf5
 from tex_lightning_runtime.resampling import MAX_RATE, MIN_RATE
 from tex_lightning_runtime.samples import Array, axes_first
+from tex_lightning_runtime.stated_rates import PERIOD, stated_rate
 
-RATES = (
-    "fs", "rate", "samplingrate", "samplerate", "sr", "hz", "frequency", "samplingfrequency",
-    "samplefrequency", "samplingfreq", "samplefreq", "sfreq", "srate", "fsample", "odr",
-)  # fmt: skip
-PERIODS = (  # s
-    "dt", "ts", "deltat", "samplingperiod", "sampleperiod", "samplinginterval", "sampleinterval",
-    "samplingtime", "sampletime", "tinterval",
-)  # fmt: skip
 HDF5 = (".h5", ".hdf5")
 ARCHIVES = (".npz", ".mat", *HDF5)
-NO_NUMBERS = ("cell", "char", "logical", "object", "opaque", "function")  # of SciPy's classes
+NO_NUMBERS = ("cell", "logical", "object", "opaque", "function")  # of SciPy's classes
 MATRIX = 16  # numbers of one for calibration, beside a signal
 MANY = 3  # names in a message
+LONGEST = 200  # letters of a text that may state a rate
 COMPRESSED = 15  # a type of element of MATLAB's files
 
 
@@ -62,14 +57,11 @@ def signals_of(arrays: dict[str, Array]) -> tuple[dict[str, Array], float | None
         _fields(*item) for item in arrays.items()
         if item[1].dtype.names is None or not 1 < item[1].size < longest  # events beside a signal
     )  # fmt: skip
-    kept = {name: each for name, each in parts if each.dtype.kind in f"{NUMBERS}M"}
-    arrays = {name: _seconds(each) for name, each in kept.items()}
-    said = (_rate(_leaf(name), float(each.item())) for name, each in arrays.items()
-            if each.size == 1)  # fmt: skip
-    rates = {float(f"{each:.9g}") for each in said if each is not None}
-    rate = rates.pop() if len(rates) == 1 else math.nan
-    known = math.isfinite(rate) and rate > 0
-    signals = {name: np.squeeze(each) for name, each in arrays.items() if each.size > 1}
+    kept = {name: each for name, each in parts if each.dtype.kind in f"{NUMBERS}MU"}
+    arrays = {name: _seconds(each) for name, each in kept.items() if each.dtype.kind != "U"}
+    texts = {name: each for name, each in kept.items() if name not in arrays}
+    rate = _rate(arrays) or _rate(texts)
+    signals = {name: one_recording(each) for name, each in arrays.items() if each.size > 1}
     longer = {name: each for name, each in signals.items() if each.ndim < 2 or each.size > MATRIX}
     signals = longer or signals
     if not signals:
@@ -85,7 +77,7 @@ def signals_of(arrays: dict[str, Array]) -> tuple[dict[str, Array], float | None
     signals = {_leaf(name): each for name, each in signals.items()}
     if len(signals) > 1:
         signals = _of_one_length(signals)
-    return signals, rate if known else None
+    return signals, rate
 
 
 def _fields(name: str, array: Array) -> Iterator[tuple[str, Array]]:
@@ -96,16 +88,30 @@ def _fields(name: str, array: Array) -> Iterator[tuple[str, Array]]:
         yield from _fields(f"{name}/{field}", array[field])
 
 
+def one_recording(array: Array) -> Array:
+    """Return an array without single dimensions at its ends; between others are recordings."""
+    while array.ndim > 1 and 1 in (array.shape[0], array.shape[-1]):
+        array = array[0] if len(array) == 1 else array[..., 0]
+    return array
+
+
 def _leaf(name: str) -> str:
     return name.rpartition("/")[2]
 
 
-def _rate(name: str, number: float) -> float | None:
-    """Return the rate in Hz that a number is by its name; None if it is something else."""
-    word = name.casefold().replace("_", "").replace(" ", "")
-    if word in RATES or word.removesuffix("hz") in RATES:
-        return number
-    return 1 / number if word in PERIODS and 1 / MAX_RATE <= number <= 1 / MIN_RATE else None
+def _rate(arrays: Mapping[str, Array]) -> float | None:
+    """Return the rate in Hz that single numbers or texts state by name, as lines above a table do.
+
+    None if there is none, or several; a step of ``x`` may be one of length.
+    """
+    rates = set()
+    for name, each in ((_leaf(name), each) for name, each in arrays.items() if each.size == 1):
+        value = str(each.item())[:LONGEST] if each.dtype.kind == "U" else f"{each.item():.9e}"
+        rate = stated_rate([line := f"{name} = {value}"])
+        is_rate = rate and (MIN_RATE <= rate <= MAX_RATE or not PERIOD.search(line))
+        if is_rate and not re.fullmatch("freq|.*x.*", name.casefold()):
+            rates.add(float(f"{rate:.9g}"))
+    return rates.pop() if len(rates) == 1 else None
 
 
 def _seconds(array: Array) -> Array:

@@ -94,6 +94,7 @@ class Column:
     named: bool = True  # whether the table has names
     first: bool = False
     fault: str = ""  # a cell of text in a column of numbers, and its place
+    array: str = ""  # of which it is one axis
     words: tuple[str, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -145,9 +146,7 @@ class Column:
         last = {unit for unit in self.words[1:][-1:] if unit in UNITS}
         first = (self.first or rising(values)) and "/" not in self.name
         glued = any(word.endswith(GLUED) for word in ("".join(self.words), *words))
-        steps = np.diff(values)
-        rises = ((steps >= 0).all() and steps.any()) or (steps > 0).sum() > USUAL * len(steps)
-        return bool(rises) and (
+        return mostly_rising(values) and (
             (first and not {*UNITS}.isdisjoint(units or {u for u in last if len(u) > 1}))
             or (words == {"min"} and rising(values))
             or (glued and not words & FLAGS)
@@ -231,7 +230,9 @@ class Column:
     @property
     def is_code(self) -> bool:
         """Whether few whole numbers without a name may be those of sensors or labels."""
-        return not self.named and self.is_whole and self.values.nunique() <= len(self.values) // 10
+        if self.named or not self.is_whole:
+            return False
+        return len(np.unique(self.values)) <= len(self.values) // 10
 
     @property
     def by_one(self) -> bool:
@@ -340,6 +341,13 @@ def rising(samples: Array) -> bool:
         return False
     steps = np.diff(samples.astype(np.float64))
     return len(steps) > MIN_RISING and bool((abs(steps - steps.mean()) < EVEN * steps.mean()).all())
+
+
+def mostly_rising(samples: Array) -> bool:
+    """Return whether samples (samples,) rise or rest, or rise at nearly all steps."""
+    steps = np.diff(samples)
+    never_falls = bool((steps >= 0).all() and steps.any())
+    return never_falls or bool((steps > 0).sum() > USUAL * len(steps) > 0)
 
 
 def missing(column: Column, place: int, found: str = "no number") -> TableError:

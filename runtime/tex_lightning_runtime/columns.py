@@ -15,6 +15,7 @@ from tex_lightning_runtime.column import (
     SLOW,
     Column,
     missing,
+    mostly_rising,
     rising,
     split_words,
 )
@@ -24,6 +25,7 @@ from tex_lightning_runtime.time_columns import find_time
 from tex_lightning_runtime.times import NOMINAL, SELDOM, Even, TableError, even_samples
 
 FILLERS, BEYOND = (999.0, 9999.0, 99999.0), 10  # in place of what is missing; times all others
+HEAD = 1 << 16  # samples that tell what an axis without a name is
 MIN_ROW = 4  # samples in a line, or more, which may be of one signal
 TAKE = re.compile(  # words of a name that numbers recordings; arr_0 may as well be their times
     r"\b(?:trial|run|rec|rep|repetition|recording|stroke|take|swipe|sample|specimen"
@@ -182,7 +184,7 @@ def _check_alone(axes: list[Column]) -> None:
     """Reject recordings side by side, trial_1, trial_2, ..., or arr_0 and arr_1 of several axes."""
     named = {c: "-".join(split_words(c.name)) for c in axes if c.named}
     found = {c: match[0] for c, name in named.items() if (match := TAKE.search(name))}
-    if len({*found.values()}) > 1:
+    if len({*found.values()}) > 1 and len({c.array or c.name for c in found}) > 1:
         first, *_, last = (column.title for column in found)
         raise TableError(
             f"has several recordings in {first} to {last}; write each into a file of its own, or "
@@ -209,6 +211,13 @@ def _check_order(axes: list[Column], samples: Array) -> None:
             )
 
 
+def unlike_axes(samples: Array) -> list[str]:
+    """Say of axes (axes, samples) without names which of them are unlike a signal."""
+    head = samples[:, :HEAD]
+    axes = [Column(str(n), "", values, named=False) for n, values in enumerate(head, 1)]
+    return _unlike(axes, timed=True) if np.isfinite(head).all() else []
+
+
 def _unlike(axes: list[Column], *, timed: bool) -> list[str]:
     """Say how to leave out axes that by name or values are no signal, beside others that are.
 
@@ -223,6 +232,7 @@ def _unlike(axes: list[Column], *, timed: bool) -> list[str]:
         or axis.by_one
         or (axis.is_code and not counts)
         or _ramps(np.asarray(axis.values), timed=timed)
+        or (timed and not axis.named and mostly_rising(np.asarray(axis.values)))
         for axis, each in zip(axes, words, strict=True)
     ]
     kin = [re.sub(r"\d", "", axis.name) or axis.name for axis in axes]

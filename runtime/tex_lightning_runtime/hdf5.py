@@ -4,6 +4,7 @@ It is read by pyfive, in Python alone: the library of HDF5 is known to crash on 
 """
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
@@ -58,9 +59,9 @@ def _content(path: Path) -> BytesIO:
 
 
 def read_hdf5(path: Path, most: int) -> dict[str, Array]:
-    """Return arrays of numbers by their path (``trial/acc``), and attributes that are a number.
+    """Return arrays of numbers by their path (``trial/acc``), and attributes of one number or text.
 
-    Truth values, text and cells are left out.
+    Truth values, other text and cells are left out.
 
     Raises:
         Hdf5Error: If pyfive is missing, the file is damaged or has what pyfive does not read, or
@@ -100,17 +101,25 @@ def _parts(file: Any) -> Iterator[tuple[str, Any]]:
         if "pandas_type" in part.attrs:
             raise Hdf5Error("it is a table of pandas; save it by its to_csv")
         if isinstance(part, Mapping):
-            inside = ((f"{path}/{name}".lstrip("/"), part[name]) for name in part if name[0] != "#")
+            names = sorted((name for name in part if name[0] != "#"), key=_by_number, reverse=True)
+            inside = ((f"{path}/{name}".lstrip("/"), part[name]) for name in names)
             waiting += [(name, each) for name, each in inside if each is not None]  # a dead link
     raise Hdf5Error(f"it has more than {MAX_PARTS} parts, or a group that holds itself")
+
+
+def _by_number(name: str) -> list[str | int]:
+    """Return what sorts ch2 before ch10."""
+    return [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", name)]
 
 
 def _numbers(path: str, part: Any) -> Iterator[tuple[str, Any]]:
     """Yield the path of numbers, and what has them: a dataset, an attribute."""
     attributes = dict(part.attrs)
     for name, value in attributes.items():
-        number = np.asarray(value) if isinstance(value, np.number | np.ndarray) else np.empty(0)
-        if number.size == 1 and number.dtype.kind in NUMBERS:
+        text = value.decode(errors="replace") if isinstance(value, bytes) else value
+        known = isinstance(text, np.number | np.ndarray | str)
+        number = np.asarray(text) if known else np.empty(0)
+        if number.size == 1 and number.dtype.kind in f"{NUMBERS}U":
             yield f"{path}/{name}".lstrip("/"), number
     left_out = attributes.get("MATLAB_class") in NO_NUMBERS or "MATLAB_empty" in attributes
     if isinstance(part, Mapping) or left_out:

@@ -35,7 +35,7 @@ OF_UNIT = (
     rf"{AMOUNT}(?P<unit>{KNOWN})?"
 )
 RATE = re.compile(
-    rf"(?:\bf_?s(?:amp\w*)?|\bodr|(?:\b|_)s(?:rate|freq|r(?= ?[(\[_]k?hz)|r(?= ?[:=])|r{IN_HERTZ})"
+    rf"(?:\bf_?s(?:amp\w*)?|\bodr|(?:\b|_)s(?:_?rate|_?freq|r(?= ?[(\[_]k?hz)|r(?= ?[:=])|r{IN_HERTZ})"
     rf"|(?<!max[ .])(?<!imum )\b{SAMPLING}(?:\. ?|[ _-])?(?:rate|freq\w*\.?)(?: per channel)?"
     r"|\b(?:abtast|mess)(?:rate|frequenz)|\bsamples[ _]?(?:per |/)s\w*"
     r"|fr[eé][cq]u\w*\W+\w+\W+(?:échantillonnage|muestreo|campionamento|amostragem)"
@@ -46,7 +46,7 @@ RATE = re.compile(
     re.IGNORECASE,
 )
 OTHER_RATE = re.compile(  # which may be that of a camera or a radio beside the sensor
-    rf"(?:^\W*(?:rate|freq(?:uency)?|f(?= ?={IN_HERTZ}))"
+    rf"(?:^\W*(?:rate|freq(?:uency)?|hz(?= ?=)|f(?= ?={IN_HERTZ}))"
     rf"|\b(?:sampling|(?:data|daq|frame|capture|sensor|polling)[ _]?rate){IN_HERTZ}){OF_UNIT}",
     re.IGNORECASE,
 )

@@ -92,7 +92,7 @@ def separate_arrays(
     for name, rows in arrays.items():
         for number, values in enumerate(rows, 1):
             title = name if len(rows) == 1 else f"{name}_{number}"
-            columns.append(Column(title, "", pandas.Series(values), first=not columns))
+            columns.append(Column(title, "", pandas.Series(values), first=not columns, array=name))
     return separate(columns, channels, time_unit, rate, rate_from=HEADER)
 
 

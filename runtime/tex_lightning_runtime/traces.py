@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tex_lightning_runtime.archives import ARCHIVES, read_archive, signals_of
+from tex_lightning_runtime.archives import ARCHIVES, one_recording, read_archive, signals_of
 from tex_lightning_runtime.column import SEEN, rising
-from tex_lightning_runtime.columns import Reading
+from tex_lightning_runtime.columns import Reading, unlike_axes
 from tex_lightning_runtime.errors import UserError, reason
 from tex_lightning_runtime.files import is_file, require_file
 from tex_lightning_runtime.samples import (
@@ -126,10 +126,11 @@ def _read_file(path: Path, channels: Channels, time_unit: str | None) -> Signal:
     if named or path.suffix.lower() in SUFFIXES:
         return Signal(trace, rate, reading)
     trace = choose_channels(trace, channels, f"Trace {path}")
+    told = unlike_axes(trace) if channels is None else []
     if any(rising(axis[:SEEN]) for axis in trace):
-        told = "an axis rises evenly; if it is time, choose the others by data.channels"
-        reading = replace(reading, notes=(*reading.notes, told))
-    return Signal(trace, rate, reading)
+        told.insert(0, "an axis rises evenly; if it is time, choose the others by data.channels")
+    notes = ("; ".join(told),) if told else ()
+    return Signal(trace, rate, replace(reading, notes=(*reading.notes, *notes)))
 
 
 def _read_any(path: Path, channels: Channels, time_unit: str | None) -> Signal:
@@ -184,7 +185,7 @@ def _read_array(path: Path) -> Raw:
         raise ValueError(f"it holds {array.dtype} instead of numbers")
     if array.size > MAX_SAMPLES:
         raise ValueError(f"it claims {array.size:,} samples, and {MAX_SAMPLES:,} are the most")
-    return np.array(array, np.float64), None, ()
+    return np.array(one_recording(array), np.float64), None, ()
 
 
 def _signals(arrays: dict[str, Array], rate: float | None) -> Raw:

@@ -72,10 +72,19 @@ def test_a_rate_that_cannot_be_is_not_known(tmp_path, given):
     ("name", "number", "rate"),
     [("dt", 0.0005, 2000), ("Tinterval", 0.002, 500), ("Ts", 1 / 800, 800),
      ("sfreq", 500, 500), ("sample_period", 0.001, 1e3),
-     ("sampling_time", 1.6, None), ("ts", 1.7e9, None), ("delta_x", 0.01, None)],
+     ("sampling_time", 1.6, None), ("ts", 1.7e9, None), ("delta_x", 0.01, None),
+     ("dt_ms", 2, 500), ("period_us", 500.0, 2000), ("fs_kHz", 1.344, 1344), ("hz", 500, 500),
+     ("dt", 1, None), ("freq", 50, None), ("fs", "2 kHz", 2000), ("fs", "800", 800),
+     ("subject", "P01", None)],
 )  # fmt: skip
-def test_a_number_is_the_rate_or_the_period_by_its_name(tmp_path, name, number, rate):
-    found = read_samples(save(tmp_path / "a.npz", acc=SAMPLES, **{name: number})).rate
+@pytest.mark.parametrize("suffix", [".npz", ".mat", ".h5"])
+def test_a_number_is_the_rate_or_the_period_by_its_name(tmp_path, suffix, name, number, rate):
+    if suffix == ".h5":
+        with h5py.File(tmp_path / "a.h5", "w") as file:
+            file.create_dataset("acc", data=SAMPLES).attrs[name] = number
+    else:
+        save(tmp_path / f"a{suffix}", acc=SAMPLES, **{name: number})
+    found = read_samples(tmp_path / f"a{suffix}").rate
     assert found == (rate and pytest.approx(rate))
 
 
@@ -132,6 +141,29 @@ def test_a_table_of_few_events_beside_a_signal_is_none_of_its_axes(tmp_path):
     samples, rate, _ = read_samples(tmp_path / "a.npz")
     np.testing.assert_array_equal(samples, SAMPLES.T)
     assert rate == 500
+
+
+def test_a_number_counts_before_a_text(tmp_path):
+    texts = {"sampling_rate": "4 kHz, resampled"}
+    assert read_samples(save(tmp_path / "a.mat", acc=SAMPLES, fs=1000, **texts)).rate == 1000
+
+
+def test_axes_of_one_array_are_no_recordings_whatever_it_is_called(tmp_path):
+    signal = read_samples(save(tmp_path / "a.npz", recording=SAMPLES, t=TIME))
+    np.testing.assert_array_equal(signal.samples, SAMPLES.T)
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".npz", ".mat"])
+def test_single_dimensions_count_between_others_alone(tmp_path, suffix):
+    file = tmp_path / f"a{suffix}"
+    for shape in ((1, 300, 3), (1, 3, 300), (3, 300, 1), (1, 1, 300), (3, 1, 300)):
+        array = SAMPLES.T.ravel()[: np.prod(shape)].reshape(shape)
+        np.save(file, array) if suffix == ".npy" else save(file, acc=array)
+        if shape == (3, 1, 300):
+            with pytest.raises(UserError, match="give a file of one recording"):
+                read_samples(file)
+        else:
+            assert read_samples(file).samples.shape in ((3, 300), (1, 300))
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".mat"])

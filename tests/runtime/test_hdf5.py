@@ -75,6 +75,15 @@ def test_arrays_are_those_that_h5py_wrote(tmp_path, fill, suffix, header):
     assert signal.rate == pytest.approx(500)
 
 
+def test_arrays_are_in_the_order_of_their_names(tmp_path):
+    def fill(file):
+        for name in ("z", "x", "y", "ch10", "ch2"):
+            file[name] = SAMPLES[:, 0]
+
+    names = read_samples(write(tmp_path / "a.h5", fill)).reading.axes
+    assert names == ("ch2", "ch10", "x", "y", "z")
+
+
 def several(file):
     file["first/acc"], file["second/acc"] = SAMPLES, SAMPLES
 

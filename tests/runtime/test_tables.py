@@ -1651,6 +1651,18 @@ def test_long_lines_of_other_lengths_are_refused(tmp_path):
         assert read_table(write(tmp_path, text))[0].shape == (6, COUNT + 1)
 
 
+@pytest.mark.parametrize("column", [
+    0.7 * TIMES**1.1, np.floor(TIMES * 300) / 300, np.arange(len(TIMES)) % 120,
+    np.arange(len(TIMES)) * 3 // len(TIMES), np.full(len(TIMES), 4),
+])  # fmt: skip
+@pytest.mark.parametrize("place", [0, 3])
+def test_what_is_no_axis_of_an_array_is_told(tmp_path, column, place):
+    np.save(tmp_path / "a.npy", np.insert(AXES, place, column, axis=0).T)
+    (note,) = read_samples(tmp_path / "a.npy").reading.notes
+    kept = "[1,2,3]" if place == 0 else "[0,1,2]"
+    assert f"unlike a signal: column {place + 1}; data.channels={kept} leaves" in note
+
+
 def test_a_time_in_an_array_is_told(tmp_path):
     for axes, told in ((AXES, False), ([TIMES, *AXES], True)):
         np.save(tmp_path / "a.npy", axes)
