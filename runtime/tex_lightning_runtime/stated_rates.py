@@ -35,7 +35,8 @@ OF_UNIT = (
     rf"{AMOUNT}(?P<unit>{KNOWN})?"
 )
 RATE = re.compile(
-    rf"(?:\bf_?s(?:amp\w*)?|\bodr|(?:\b|_)s(?:_?rate|_?freq|r(?= ?[(\[_]k?hz)|r(?= ?[:=])|r{IN_HERTZ})"
+    r"(?:\bf_?s(?:amp\w*)?|\bodr"
+    rf"|(?:\b|_)s(?:_?rate|_?freq|r(?= ?[(\[_]k?hz)|r(?= ?[:=])|r{IN_HERTZ})"
     rf"|(?<!max[ .])(?<!imum )\b{SAMPLING}(?:\. ?|[ _-])?(?:rate|freq\w*\.?)(?: per channel)?"
     r"|\b(?:abtast|mess)(?:rate|frequenz)|\bsamples[ _]?(?:per |/)s\w*"
     r"|fr[eé][cq]u\w*\W+\w+\W+(?:échantillonnage|muestreo|campionamento|amostragem)"
