@@ -149,6 +149,10 @@ def test_a_pattern_groups_pieces_and_takes_no_versions_nor_photos_of_signals(tmp
     assert read_as_told(root, str(caught.value).replace("{group}", "{take}")) == [
         ["elm train/elm_1", "oak test/oak_3", "oak train/oak_1", "oak train/oak_2"]
     ]
+    root = touch(tmp_path / "a", *(f"{each}_clip_{n}.wav" for each in ("oak", "elm") for n in "12"))
+    table, _ = read_names(root, "{label}_clip_*.wav")
+    assert len({row.group for row in table}) == 4
+    assert [note[:17] for note in table.notes] == ["All files of elm,"]
     names = ("oak_1", "oak_1_filtered", "oak_1_meta", "elm_1", "elm_1_filtered")
     root = touch(tmp_path / "b", *(f"test/{name}.csv" for name in names), "test/oak_1.wav")
     table, _ = read_names(root, "{split}/{label}_{group}.*")

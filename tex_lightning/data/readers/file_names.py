@@ -130,6 +130,6 @@ def _are_one(parts: Sequence[str]) -> bool:
 
 
 def uncut(names: Sequence[str]) -> Sequence[str]:
-    """Return for each name that of the recording, if they are pieces of several."""
+    """Return for each name of a class that of the recording, unless all are pieces of one."""
     whole = [PIECE.sub("", name) for name in names]
-    return whole if len({*whole}) > 1 else names
+    return names if len({*whole}) == 1 < len({*names}) else whole

@@ -1,7 +1,8 @@
 """Find classes, groups and conditions in the names of files, for ``task=manifest``."""
 
 import re
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -68,11 +69,18 @@ def read_names(root: Path, pattern: str) -> tuple[Recordings, list[str]]:
             "pattern, which is a path below data.root."
         )
     if f"{{{GROUP}}}" not in pattern:
-        names = uncut([str(row.group) for row in rows])
-        rows = [replace(row, group=name) for row, name in zip(rows, names, strict=True)]
+        rows = _with_pieces_together(rows)
     check_sensors(root, rows)
     table = without_versions(root, rows)
     return replace(table, notes=(*table.notes, *pieces(table.rows), *formats(table.rows))), others
+
+
+def _with_pieces_together(rows: Sequence[Recording]) -> list[Recording]:
+    groups: dict[str, list[str]] = defaultdict(list)
+    for row in rows:
+        groups[row.label].append(str(row.group))
+    whole = {label: dict(zip(names, uncut(names), strict=True)) for label, names in groups.items()}
+    return [replace(row, group=whole[row.label][str(row.group)]) for row in rows]
 
 
 def _files(root: Path) -> Iterator[Path]:
