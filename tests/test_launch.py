@@ -153,9 +153,9 @@ def test_the_installed_command_finds_folders_beside_it(own_folder, tmp_path):
 def test_ctrl_c_names_the_folder_to_go_on_in(tmp_path, monkeypatch):
     jobs = [(tmp_path, "hydra.run.dir=RUN"), (tmp_path / "x", "")]
     monkeypatch.setattr(command, "STARTED", jobs)
-    assert command._interrupted() == "Interrupted."
+    assert command._how_to_continue() == "Interrupted."
     (tmp_path / "checkpoints").mkdir()
-    assert "the same command with hydra.run.dir=RUN goes on" in command._interrupted()
+    assert "the same command with hydra.run.dir=RUN goes on" in command._how_to_continue()
 
 
 def test_an_error_that_ctrl_c_has_led_to_is_told_as_ctrl_c(monkeypatch, capsys):

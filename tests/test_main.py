@@ -95,7 +95,10 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(group):
         (["decision.unknown=yes"], "decision.unknown=yes cannot be used; give a number."),
         (["data.half_scale=half"], "data.half_scale=half cannot be used; give true or false."),
         (["decision.rule={a: 1}"], "cannot be used; give text."),
-        (["logger=7"], "an option is a name, or left out by ~GROUP, as in ~logger"),
+        (
+            ["logger=7"],
+            "an option is a name; choose one of csv, mlflow, tensorboard, or leave it out",
+        ),
         (["--config-path=conf"], "The package has its own config.yaml, which cannot be replaced;"),
         (
             ["--config-dir=.", "--config-name", "config"],
@@ -105,7 +108,10 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(group):
         (["data=published/base"], "and none itself; choose one of cluster, folder, kth"),
         (["experiment=paper/recipe/base"], "and none itself; choose one of best/fusion"),
         (["recipe=base"], "recipe=base is what options begin with, and none itself; leave it out."),
-        (["logger=null"], "an option is a name, or left out by ~GROUP, as in ~logger"),
+        (
+            ["logger=null"],
+            "an option is a name; choose one of csv, mlflow, tensorboard, or leave it out",
+        ),
         (["~model.haptic.fit.schedule"], "cannot be used; it cannot be taken away, give another"),
         (
             ["export.out=${data.nmae}"],

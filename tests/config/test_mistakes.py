@@ -62,6 +62,14 @@ def test_slips_of_hydras_own_are_told_with_their_remedy(cli, tmp_path):
     for given, said in (
         (["experiment=mine"], "In 'experiment/mine': .* begin this file with # @package _global_"),
         (["+experiment=few/haptic"], "experiment has an option already, give experiment=NAME with"),
+        (
+            ["model=1"],
+            "model=1 cannot be used: an option is a name; choose one of acnn, .* by ~model",
+        ),
+        (["logger=[csv,2]"], "an option is a name; choose one of "),
+        (["trainer=null"], "an option is a name; choose one of .* leave it out by ~trainer"),
+        (["++crossval.only.x=1"], r"\(a key stands below a list or a value\); give other values"),
+        (["++model.senses.a.b=1"], r"\(a key stands below a list or a value\); give other values"),
         (["--cfg=job", "--resolve", "seed=${oc.env:NOPE}"], "A value cannot be used: .*'NOPE' not"),
     ):
         outcome = cli(f"--config-dir={tmp_path}", *given)

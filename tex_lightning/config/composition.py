@@ -4,7 +4,7 @@ Beside that stand the job that Hydra has begun, and the flags of a command line.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -13,7 +13,9 @@ from hydra._internal.callbacks import Callbacks
 from hydra._internal.utils import get_args_parser
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.utils import JobRuntime, JobStatus, run_job
+from hydra.errors import OverrideParseException
 from hydra.types import HydraContext, RunMode
 from hydra.version import VersionBase
 from omegaconf import DictConfig, OmegaConf
@@ -21,7 +23,7 @@ from omegaconf import DictConfig, OmegaConf
 from tex_lightning.config import CONF, Job, register
 from tex_lightning.config.quoting import as_typed
 from tex_lightning.config.user_folders import check_text, config_groups, is_added, with_own_senses
-from tex_lightning.errors import UserError, reason
+from tex_lightning.errors import UserError, reason, shorten
 
 NAME = "config"
 
@@ -50,7 +52,10 @@ def as_composed(overrides: Sequence[str]) -> list[str]:
         if key in ("hydra.run.dir", "hydra.sweep.dir") and not value.strip(" '\""):
             raise UserError(f"{key} is empty; give a folder, or leave it out.")
         _check_is_option(key.lstrip("+"), value)
-    return with_own_senses(as_typed(overrides))
+    typed = as_typed(overrides)
+    for override in typed:
+        _check_is_name(override)
+    return with_own_senses(typed)
 
 
 def _check_is_option(group: str, option: str) -> None:
@@ -59,6 +64,23 @@ def _check_is_option(group: str, option: str) -> None:
         options = ", ".join(sorted(config_groups().get(group, ())))
         instead = f"choose one of {options}" if options else "leave it out"
         raise UserError(f"{group}={option} is what options begin with, and none itself; {instead}.")
+
+
+def _check_is_name(override: str) -> None:
+    """Reject a number, truth value or mapping in the place of an option of a group."""
+    group = override.partition("=")[0].partition("@")[0].lstrip("+")
+    options = config_groups().get(group)
+    if options is None:
+        return
+    with suppress(OverrideParseException):  # which Hydra will raise
+        parsed = OverridesParser.create().parse_override(override)
+        value = [] if parsed.is_sweep_override() else parsed.value()
+        names = value if isinstance(value, list) else [value]
+        if not all(isinstance(name, str) for name in names):
+            raise UserError(
+                f"{shorten(override)} cannot be used: an option is a name; choose one of "
+                f"{', '.join(sorted(options))}, or leave it out by ~{group}."
+            )
 
 
 def run_composed(function: Callable[[DictConfig], Any], overrides: Sequence[str]) -> Any:  # noqa: ANN401

@@ -83,8 +83,10 @@ def to_user_error(error: Exception, *, began: bool) -> UserError | None:
         return UserError(
             f"The run folder cannot be made ({shorten(error)}); choose another hydra.run.dir."
         )
-    if isinstance(error, ValueError | OverflowError | RecursionError):
-        said = refusal(reason(error))
+    modules = [frame.f_globals.get("__name__") for frame, _ in walk_tb(error.__traceback__)]
+    below_a_value = modules[-1:] == [OmegaConf.__module__]
+    if below_a_value or isinstance(error, ValueError | OverflowError | RecursionError):
+        said = "a key stands below a list or a value" if below_a_value else refusal(reason(error))
         return UserError(
             f"The command line or a configuration file cannot be read ({said}); give other values."
         )
