@@ -79,7 +79,8 @@ def _read(path: Path) -> tuple[Array, list[str]]:
     from PIL import Image
 
     try:
-        with Image.open(path, formats=FORMATS) as image:
+        # by a stream: Pillow maps pixels of a TIFF that is turned by its path in the wrong shape
+        with path.open("rb") as stream, Image.open(stream, formats=FORMATS) as image:
             return to_rgb(image)
     except Exception:
         content = path.read_bytes() if path.stat().st_size <= MAX_MENDED else b""

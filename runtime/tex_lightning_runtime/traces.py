@@ -36,6 +36,7 @@ AXIS = re.compile(
     r"(|.*[_. -]|.*[a-z](?=[XYZ])|(?:.*[_. -])?(?:[A-Za-z]|acc|gyro?|mag|force|torque)(?=[xyz]))"
     r"([XYZxyz])((?:[_. -][^_. -]+)?\.\w+)"
 )
+SOUNDS = (".wav", ".flac")
 NUMPY = b"\x93NUMPY"  # with which an array begins
 _HEADERS = Lock()  # Python 3.11 parses one in two threads at once with a SystemError
 # Samples in any order, or (axes, samples) by name; their rate in Hz if the file states it; notes.
@@ -117,8 +118,8 @@ def _read_file(path: Path, channels: Channels, time_unit: str | None) -> Signal:
             f"Trace {path} cannot be read ({reason(error)}); correct or replace the file."
         ) from error
     named = bool(reading.axes)  # which says what the columns are
-    trace = table if named else axes_first(table)
-    if table.size > MAX_SAMPLES or trace is None or len(trace) > MAX_AXES:
+    trace = table if named or path.suffix.lower() in SOUNDS else axes_first(table)
+    if trace is None or not 0 < table.size <= MAX_SAMPLES or len(trace) > MAX_AXES:
         raise UserError(
             f"Trace {path} has the shape {table.shape}; a trace has samples of 1 to {MAX_AXES} "
             "channels: give a file of one recording that is not empty."
@@ -151,7 +152,7 @@ def _read_sound(path: Path) -> Raw:
     from tex_lightning_runtime.sounds import read_sound  # where it is needed: it loads a library
 
     samples, rate, notes = read_sound(path, MAX_SAMPLES)
-    return samples, rate, tuple(notes)
+    return samples.T, rate, tuple(notes)
 
 
 def map_array(path: Path) -> Array:
@@ -193,7 +194,7 @@ def _signals(arrays: dict[str, Array], rate: float | None) -> Raw:
 
 
 READERS: dict[str, Callable[[Path], Raw]] = {
-    **dict.fromkeys((".wav", ".flac"), _read_sound),
+    **dict.fromkeys(SOUNDS, _read_sound),
     ".npy": _read_array,
     **dict.fromkeys(ARCHIVES, lambda path: _signals(*read_archive(path, MAX_SAMPLES))),
 }

@@ -131,6 +131,8 @@ ARRAYS = {
     "columns": np.asfortranarray(noise(20, 3).astype(np.float64)),
     "big": noise(20, 3).astype(">f4"),
     "whole": np.arange(-30, 30).reshape(3, 20),
+    "batch": noise(1, 3, 20),
+    "behind": noise(20, 3, 1),
     "natural": np.arange(60, dtype=np.uint64).reshape(20, 3),
 }
 
@@ -148,6 +150,7 @@ def test_sounds_arrays_and_tables_are_read_as_by_the_package(node, tmp_path):
     ):  # of a killed program
         struct.pack_into("<I", content, content.index(b"data") + 4, size)
         (tmp_path / f"{name}.wav").write_bytes(content)
+    soundfile.write(tmp_path / "short.wav", noise(2, 6), 8000)
     for name, array in ARRAYS.items():
         np.save(tmp_path / f"{name}.npy", array)
     for name, text in TEXTS.items():

@@ -224,6 +224,17 @@ def test_the_orientation_is_that_of_the_camera_or_left_out_where_it_is_damaged(t
     assert to_rgb(Image.fromarray(PIXELS))[1] == []
 
 
+@pytest.mark.parametrize("mode", ["L", "P", "RGBA", "CMYK", "I;16"])
+def test_a_turned_tiff_that_is_not_compressed_is_upright(tmp_path, mode):
+    pixels = PIXELS[:, :-9]
+    grey = Image.fromarray(pixels[..., 0].astype(np.uint16) * 257)
+    given = grey if mode == "I;16" else Image.fromarray(pixels).convert(mode)
+    given.save(tmp_path / "a.tif")
+    given.save(tmp_path / "b.tif", tiffinfo={0x0112: 6})
+    upright, turned = (read_photo(tmp_path / name)[0] for name in ("a.tif", "b.tif"))
+    np.testing.assert_array_equal(turned, np.rot90(upright, -1))
+
+
 def test_the_command_line_says_it_once_for_all_photos(cli, fused, surfaces, tmp_path):
     files = []
     for n in range(2):

@@ -17,6 +17,8 @@ const TYPES = {
  */
 export function parseNpy(buffer) {
   const { type, columnMajor, shape, start } = readHeader(buffer);
+  while (shape.length > 1 && shape[0] === 1) shape.shift(); // which changes no order
+  while (shape.length > 1 && shape.at(-1) === 1) shape.pop();
   const [method, width] = TYPES[type.slice(1)] ?? [];
   if (method === undefined || ![1, 2].includes(shape.length)) {
     throw new InputError(`it holds ${shape.length} dimensions of ${type}; save one or two of float32`);
