@@ -271,6 +271,11 @@ class BandProportions(nn.Module):
         state.setdefault(f"{prefix}unit", torch.ones(self.levels))
         super()._load_from_state_dict(state, prefix, *rest)
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take the state of a pickle; older ones know no units."""
+        super().__setstate__(state)
+        self._buffers.setdefault("unit", torch.ones(self.levels))
+
     def _learn_levels(self, movements: Callable[[], Iterator[Tensor]]) -> None:
         """Find which channels are positive, the usual deviation of each, and gravity."""
         measured = [
