@@ -273,7 +273,7 @@ class BandProportions(nn.Module):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Take the state of a pickle; older ones know no units."""
-        super().__setstate__(state)
+        super().__setstate__(state)  # type: ignore[no-untyped-call]  # no annotation
         self._buffers.setdefault("unit", torch.ones(self.levels))
 
     def _learn_levels(self, movements: Callable[[], Iterator[Tensor]]) -> None:
