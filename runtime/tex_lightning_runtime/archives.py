@@ -58,7 +58,7 @@ def signals_of(arrays: dict[str, Array]) -> tuple[dict[str, Array], float | None
         if item[1].dtype.names is None or not 1 < item[1].size < longest  # events beside a signal
     )  # fmt: skip
     kept = {name: each for name, each in parts if each.dtype.kind in f"{NUMBERS}MU"}
-    arrays = {name: _seconds(each) for name, each in kept.items() if each.dtype.kind != "U"}
+    arrays = {name: _numbers(each) for name, each in kept.items() if each.dtype.kind != "U"}
     texts = {name: each for name, each in kept.items() if name not in arrays}
     rate = _rate(arrays) or _rate(texts)
     signals = {name: one_recording(each) for name, each in arrays.items() if each.size > 1}
@@ -114,11 +114,14 @@ def _rate(arrays: Mapping[str, Array]) -> float | None:
     return rates.pop() if len(rates) == 1 else None
 
 
-def _seconds(array: Array) -> Array:
-    """Return numbers (...) float64, moments as seconds since 1970."""
-    moments = array.dtype.kind == "M"
-    seconds = array.astype("datetime64[ns]").astype(np.int64) / 1e9 if moments else array
-    return seconds.astype(np.float64)
+def _numbers(array: Array) -> Array:
+    """Return numbers (...) float64, and moments as nanoseconds since 1970.
+
+    These and others of 64 bits stay whole: rounded to float64, times of a fast sensor are uneven.
+    """
+    if array.dtype.kind == "M":
+        return array.astype("datetime64[ns]").astype(np.int64)
+    return array.astype(np.int64 if array.dtype.str[1:] == "i8" else np.float64)
 
 
 def _of_one_length(signals: dict[str, Array]) -> dict[str, Array]:

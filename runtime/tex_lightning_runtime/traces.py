@@ -190,7 +190,8 @@ def _read_array(path: Path) -> Raw:
 
 
 def _signals(arrays: dict[str, Array], rate: float | None) -> Raw:
-    return arrays if len(arrays) > 1 else next(iter(arrays.values())), rate, ()
+    only = np.asarray(next(iter(arrays.values())), np.float64)
+    return arrays if len(arrays) > 1 else only, rate, ()
 
 
 READERS: dict[str, Callable[[Path], Raw]] = {

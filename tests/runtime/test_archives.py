@@ -120,6 +120,16 @@ def test_moments_are_times_and_fields_are_columns(tmp_path):
     assert signal.rate == pytest.approx(500)
 
 
+@pytest.mark.parametrize("kind", ["datetime64[ns]", "int64"])
+def test_times_of_a_fast_sensor_are_even(tmp_path, kind):
+    since = np.int64(1_772_359_200 * 10**9) + np.round(np.arange(300) * 1e9 / 44_100).astype(int)
+    signal = read_samples(save(tmp_path / "a.npz", time=since.astype(kind), acc=SAMPLES))
+    np.testing.assert_array_equal(signal.samples, SAMPLES.T)
+    assert signal.rate == pytest.approx(44_100, rel=1e-5)
+    single = read_samples(save(tmp_path / "b.npz", acc=since)).samples
+    assert single.dtype == np.float64
+
+
 def test_fields_of_fields_are_columns_too(tmp_path):
     fields = np.zeros(300, [("t", "f8"), ("imu", [("acc", [("x", "f8"), ("y", "f8")])])])
     fields["t"], fields["imu"]["acc"]["x"], fields["imu"]["acc"]["y"] = TIME, *SAMPLES.T[:2]
