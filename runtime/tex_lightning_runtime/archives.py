@@ -102,14 +102,16 @@ def _leaf(name: str) -> str:
 def _rate(arrays: Mapping[str, Array]) -> float | None:
     """Return the rate in Hz that single numbers or texts state by name, as lines above a table do.
 
-    None if there is none, or several; a step of ``x`` may be one of length.
+    None if there is none, or several. A text begins with the number, so that prose is none, and a
+    step of ``x`` may be one of length.
     """
     rates = set()
     for name, each in ((_leaf(name), each) for name, each in arrays.items() if each.size == 1):
         value = str(each.item())[:LONGEST] if each.dtype.kind == "U" else f"{each.item():.9e}"
         rate = stated_rate([line := f"{name} = {value}"])
         is_rate = rate and (MIN_RATE <= rate <= MAX_RATE or not PERIOD.search(line))
-        if is_rate and not re.fullmatch("freq|.*x.*", name.casefold()):
+        other = not value[:1].isdigit() or re.fullmatch("freq|.*x.*", name.casefold())
+        if is_rate and not other:
             rates.add(float(f"{rate:.9g}"))
     return rates.pop() if len(rates) == 1 else None
 

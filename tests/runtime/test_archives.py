@@ -75,7 +75,7 @@ def test_a_rate_that_cannot_be_is_not_known(tmp_path, given):
      ("sampling_time", 1.6, None), ("ts", 1.7e9, None), ("delta_x", 0.01, None),
      ("dt_ms", 2, 500), ("period_us", 500.0, 2000), ("fs_kHz", 1.344, 1344), ("hz", 500, 500),
      ("dt", 1, None), ("freq", 50, None), ("fs", "2 kHz", 2000), ("fs", "800", 800),
-     ("subject", "P01", None)],
+     ("subject", "P01", None), ("note", "once fs=4000", None), ("fs", "", None)],
 )  # fmt: skip
 @pytest.mark.parametrize("suffix", [".npz", ".mat", ".h5"])
 def test_a_number_is_the_rate_or_the_period_by_its_name(tmp_path, suffix, name, number, rate):
