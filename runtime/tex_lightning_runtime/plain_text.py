@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from tex_lightning_runtime.cells import NUMBER, WHOLE
@@ -12,8 +12,8 @@ from tex_lightning_runtime.times import TableError
 MAX_TEXT = 1 << 29  # bytes of a file
 HEAD = 1 << 18  # bytes in which the numbers begin
 LONG_LINE = 1 << 14  # bytes, of more numbers than a sample has
-OF_NUMBERS = b"0123456789+-.,;eE \t\r\n"  # letters of numbers and between them
-LONGEST_NAME = 200  # bytes before the numbers of a line
+OF_AXES = ("\t", ";", None, ",")  # between the numbers of such a line
+MAX_AXES = 1 << 25  # bytes of such lines, which take up to twenty times as much memory
 TOO_LONG = "has a line of more than 1 MiB; give one sample a line"
 FIRST = 64  # of a file, in which NULs are none of a power failure
 BRACKETS = 3  # lines with nothing else, of an array of JSON with an element a line
@@ -166,10 +166,19 @@ def check_size(path: Path) -> None:
     if (size := path.stat().st_size) > MAX_TEXT:
         raise TableError(f"is {size:,} bytes of text, more than {MAX_TEXT:,}; save it as WAV")
     with path.open("rb") as stream:
-        begin = stream.read(LONG_LINE)
-    of_numbers = b"\n" not in begin and len(begin.translate(None, OF_NUMBERS)) < LONGEST_NAME
-    if not of_numbers and has_long_line(path):
+        begin = stream.read(LONG_LINE).decode(errors="replace")
+    if (size > MAX_AXES or not _begins_with_an_axis(begin)) and has_long_line(path):
         raise TableError(TOO_LONG)
+
+
+def _begins_with_an_axis(text: str) -> bool:
+    """Return whether a line goes on beyond a text of numbers, before which a name may stand."""
+    whole = (text.split(separator)[1:-1] for separator in OF_AXES)
+    return "\n" not in text and any(map(_are_numbers, filter(None, whole)))
+
+
+def _are_numbers(cells: Sequence[str]) -> bool:
+    return all(NUMBER.fullmatch(cell.strip()) for cell in cells)
 
 
 def _utf8(content: bytes) -> bytes:
@@ -211,9 +220,9 @@ def with_long_lines_as_columns(content: bytes) -> tuple[bytes, int]:
     if len(content) <= LONG_LINE or b"\n" in content[:LONG_LINE]:
         return content, 0
     lines = content.decode(errors="replace").strip().split("\n")
-    for separator in ("\t", ";", None, ","):
+    for separator in OF_AXES:
         rows = [[*map(str.strip, line.strip(separator).split(separator))] for line in lines]
-        numbers = all(NUMBER.fullmatch(cell) for row in rows for cell in row[1:])
+        numbers = all(_are_numbers(row[1:]) for row in rows)
         if len({*map(len, rows)}) == 1 and len(rows[0]) > len(rows) and numbers:
             columns = [*zip(*rows, strict=True)]
             first, second, last = (all(map(WHOLE.fullmatch, columns[n])) for n in (0, 1, -1))

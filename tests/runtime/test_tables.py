@@ -11,8 +11,10 @@ from time import process_time
 import numpy as np
 import pytest
 
+from tex_lightning_runtime import plain_text
 from tex_lightning_runtime.cells import kind
 from tex_lightning_runtime.errors import UserError
+from tex_lightning_runtime.plain_text import check_size
 from tex_lightning_runtime.tables import read_table
 from tex_lightning_runtime.times import TableError
 from tex_lightning_runtime.traces import read_samples
@@ -1630,6 +1632,16 @@ def test_an_axis_a_line_as_numpy_writes_it(tmp_path):
 def test_long_lines_that_are_no_axes_are_refused(tmp_path, text):
     with pytest.raises(TableError, match="has a line of more than 1 MiB; give one sample a line"):
         read_table(write(tmp_path, text))
+
+
+def test_long_lines_of_text_or_too_many_numbers_are_refused_before_they_are_read(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(plain_text, "MAX_AXES", 3 << 20)
+    check_size(write(tmp_path, "x,0.25,-1," + "0.25,-1," * (1 << 18)))
+    for text in ("0.25,x," * (1 << 18), "0.25,-1," * (1 << 19)):
+        with pytest.raises(TableError, match="has a line of more than 1 MiB; give one sample a"):
+            check_size(write(tmp_path, text))
 
 
 @pytest.mark.parametrize("decimal", [".", ","])
