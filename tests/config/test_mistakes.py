@@ -9,6 +9,7 @@ import pytest
 from hydra.core.plugins import Plugins
 from hydra.errors import MissingConfigException
 
+from tex_lightning.config.composition import compose_config
 from tex_lightning.config.mistakes import EXTRAS, explain, to_user_error
 
 
@@ -54,6 +55,10 @@ def test_what_cannot_be_printed_is_not_the_run_folder():
     assert str(to_user_error(full, began=False)).startswith("The output cannot be written ([Errno")
     full.filename = "outputs"
     assert str(to_user_error(full, began=False)).startswith("The run folder cannot be made ([Errno")
+
+
+def test_a_mapping_in_the_place_of_an_option_gives_values_to_its_keys():
+    assert compose_config(["data={folds: 3}"]).data.folds == 3
 
 
 def test_slips_of_hydras_own_are_told_with_their_remedy(cli, tmp_path):

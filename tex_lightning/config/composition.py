@@ -13,7 +13,6 @@ from hydra._internal.callbacks import Callbacks
 from hydra._internal.utils import get_args_parser
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
-from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.utils import JobRuntime, JobStatus, run_job
 from hydra.errors import OverrideParseException
 from hydra.types import HydraContext, RunMode
@@ -21,6 +20,7 @@ from hydra.version import VersionBase
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config import CONF, Job, register
+from tex_lightning.config.overrides import parsed_overrides
 from tex_lightning.config.quoting import as_typed
 from tex_lightning.config.user_folders import check_text, config_groups, is_added, with_own_senses
 from tex_lightning.errors import UserError, reason, shorten
@@ -67,19 +67,22 @@ def _check_is_option(group: str, option: str) -> None:
 
 
 def _check_is_name(override: str) -> None:
-    """Reject a number, truth value or mapping in the place of an option of a group."""
+    """Reject a number or truth value in the place of an option of a group of the package.
+
+    A mapping is none: it gives values to the keys of the section.
+    """
     group = override.partition("=")[0].partition("@")[0].lstrip("+")
-    options = config_groups().get(group)
-    if options is None:
+    if not group or not (CONF / group).is_dir():
         return
     with suppress(OverrideParseException):  # which Hydra will raise
-        parsed = OverridesParser.create().parse_override(override)
-        value = [] if parsed.is_sweep_override() else parsed.value()
+        (parsed,) = parsed_overrides([override])
+        value = {} if parsed.is_sweep_override() else parsed.value()
         names = value if isinstance(value, list) else [value]
-        if not all(isinstance(name, str) for name in names):
+        if not isinstance(value, dict) and not all(isinstance(name, str) for name in names):
+            options = ", ".join(sorted(config_groups().get(group, ())))
             raise UserError(
                 f"{shorten(override)} cannot be used: an option is a name; choose one of "
-                f"{', '.join(sorted(options))}, or leave it out by ~{group}."
+                f"{options}, or leave it out by ~{group}."
             )
 
 
