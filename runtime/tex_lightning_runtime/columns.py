@@ -25,7 +25,7 @@ from tex_lightning_runtime.time_columns import find_time
 from tex_lightning_runtime.times import NOMINAL, SELDOM, Even, TableError, even_samples
 
 FILLERS, BEYOND = (999.0, 9999.0, 99999.0), 10  # in place of what is missing; times all others
-HEAD = 1 << 16  # samples that tell what an axis without a name is
+HEAD = 1 << 13  # samples that tell what an axis without a name is
 MIN_ROW = 4  # samples in a line, or more, which may be of one signal
 TAKE = re.compile(  # words of a name that numbers recordings; arr_0 may as well be their times
     r"\b(?:trial|run|rec|rep|repetition|recording|stroke|take|swipe|sample|specimen"
@@ -213,7 +213,7 @@ def _check_order(axes: list[Column], samples: Array) -> None:
 
 def unlike_axes(samples: Array) -> list[str]:
     """Say of axes (axes, samples) without names which of them are unlike a signal."""
-    head = samples[:, :HEAD]
+    head = samples[:, :HEAD] if len(samples) > 1 else samples[:0]  # beside others alone
     axes = [Column(str(n), "", values, named=False) for n, values in enumerate(head, 1)]
     return _unlike(axes, timed=True) if np.isfinite(head).all() else []
 
