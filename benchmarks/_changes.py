@@ -17,9 +17,9 @@ import numpy.typing as npt
 
 from benchmarks import _spoilt
 from tex_lightning.core.contract import resolve
-from tex_lightning.data.recordings import natural_key
 from tex_lightning.perturbations import pixels, traces
 from tex_lightning.perturbations.pixels import Scene
+from tex_lightning_runtime.files import natural_key
 
 Array = npt.NDArray[Any]
 TRAIN, TEST, SPARE, ALL = "train", "test", "spare", "all"

@@ -33,9 +33,10 @@ from tex_lightning.core.run_folder import predictions_of
 from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.data.folds import is_tested
 from tex_lightning.data.manifest import write_manifest
-from tex_lightning.data.recordings import Recording, Recordings, natural_key
+from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.errors import UserError, listed
 from tex_lightning.evaluation.outcomes import read_outcomes
+from tex_lightning_runtime.files import natural_key
 
 BASE = "base"
 KINDS = {"any": "", "axes": "haptic"}  # what a section of shapes changes, if not its name

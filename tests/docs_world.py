@@ -22,9 +22,9 @@ from conftest import RATE, make_photo, make_trace
 from haptic_sets import write_tum
 from PIL import Image
 
-from tex_lightning.data.recordings import natural_key
 from tex_lightning.export.web_page import FILES, NAME, VERSION
 from tex_lightning.networks.trunks import TRUNKS
+from tex_lightning_runtime.files import natural_key
 
 KINDS = "ABCDEFGH"
 WEIGHTS = {"ALEXNET.npz": "alexnet_caffe", "VGG_M.npz": "vgg_m"}

@@ -1,6 +1,7 @@
-"""Whether there is a file, and whether it can be read."""
+"""Whether there is a file, whether it can be read, and in which order names come."""
 
 import os
+import re
 from pathlib import Path
 
 from tex_lightning_runtime.errors import UserError
@@ -54,3 +55,13 @@ def has_long_line(path: Path) -> bool:
             if b"\n" not in content and b"\r" not in content:
                 return True
     return False
+
+
+def natural_key(text: str) -> tuple[list[tuple[int, int, str]], str]:
+    """Return a key that sorts ``query2`` before ``query10``; equal only for equal names."""
+    parts = [
+        (0, int(part), "") if part.isdecimal() else (1, 0, part.casefold())
+        for part in re.split(r"(\d+)", text)
+        if part
+    ]
+    return parts, text

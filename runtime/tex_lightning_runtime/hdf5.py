@@ -4,7 +4,6 @@ It is read by pyfive, in Python alone: the library of HDF5 is known to crash on 
 """
 
 import math
-import re
 from collections.abc import Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from tex_lightning_runtime.errors import reason
+from tex_lightning_runtime.files import natural_key
 from tex_lightning_runtime.samples import Array
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -101,15 +101,10 @@ def _parts(file: Any) -> Iterator[tuple[str, Any]]:
         if "pandas_type" in part.attrs:
             raise Hdf5Error("it is a table of pandas; save it by its to_csv")
         if isinstance(part, Mapping):
-            names = sorted((name for name in part if name[0] != "#"), key=_by_number, reverse=True)
+            names = sorted((name for name in part if name[0] != "#"), key=natural_key, reverse=True)
             inside = ((f"{path}/{name}".lstrip("/"), part[name]) for name in names)
             waiting += [(name, each) for name, each in inside if each is not None]  # a dead link
     raise Hdf5Error(f"it has more than {MAX_PARTS} parts, or a group that holds itself")
-
-
-def _by_number(name: str) -> list[str | int]:
-    """Return what sorts ch2 before ch10."""
-    return [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", name)]
 
 
 def _numbers(path: str, part: Any) -> Iterator[tuple[str, Any]]:

@@ -16,8 +16,9 @@ from typing import Any
 
 from tex_lightning.config import Folding
 from tex_lightning.core.groups import divide
-from tex_lightning.data.recordings import Recording, Recordings, natural_key, normal_form, plural
+from tex_lightning.data.recordings import Recording, Recordings, normal_form, plural
 from tex_lightning.errors import UserError, listed, nearest
+from tex_lightning_runtime.files import natural_key
 
 DECIMAL = re.compile(r"[-+]?((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)")
 

@@ -20,13 +20,12 @@ from tex_lightning.data.recordings import (
     check_distinct,
     check_row,
     modality_named,
-    natural_key,
     read_part,
     write_part,
 )
 from tex_lightning.errors import UserError, reason, shorten
 from tex_lightning.text import from_cell, to_cell
-from tex_lightning_runtime.files import has_long_line, is_file
+from tex_lightning_runtime.files import has_long_line, is_file, natural_key
 from tex_lightning_runtime.photos import IMAGE_SUFFIXES
 from tex_lightning_runtime.plain_text import read_utf8
 from tex_lightning_runtime.times import TableError
@@ -138,7 +137,8 @@ def _files_in_conditions(
 ) -> Iterator[str]:
     """Yield which conditions name files, such as photos beside the signals of ``path``."""
     for name in filter(lambda name: name and name not in KNOWN, names):
-        kinds = {Path(line[name]).suffix.lower() for line in lines.values() if line[name]}
+        cells = {line[name] for line in lines.values()} - {"", None}
+        kinds = {Path(cell).suffix.lower() for cell in cells}
         if kinds and kinds <= {*TRACE_SUFFIXES, *IMAGE_SUFFIXES}:
             yield (
                 f"The column {name} is a condition, and the files that it names are not read; give "

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tex_lightning.errors import UserError, listed, shorten
+from tex_lightning_runtime.files import natural_key
 
 Part = tuple[float, float]
 WHOLE: Part = (0.0, 1.0)
@@ -239,16 +240,6 @@ def singular(modality: str) -> str:
 def plural(modality: str) -> str:
     """Return the name of several recordings of a modality."""
     return f"{singular(modality)}s"
-
-
-def natural_key(text: str) -> tuple[list[tuple[int, int, str]], str]:
-    """Return a key that sorts ``query2`` before ``query10``; equal only for equal names."""
-    parts = [
-        (0, int(part), "") if part.isdecimal() else (1, 0, part.casefold())
-        for part in re.split(r"(\d+)", text)
-        if part
-    ]
-    return parts, text
 
 
 def check_row(row: Any, where: str) -> None:  # noqa: ANN401

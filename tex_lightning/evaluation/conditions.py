@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from tex_lightning.data.folds import Sample, comparable
-from tex_lightning.data.recordings import Recording, natural_key
+from tex_lightning.data.recordings import Recording
 from tex_lightning.evaluation.outcomes import Outcome, counted
+from tex_lightning_runtime.files import natural_key
 
 CONDITIONS = "conditions"  # of a network's entry in results.json
 MANY, FEW = 10, 4  # values of a condition; recordings of each

@@ -15,7 +15,6 @@ from matplotlib.ticker import NullFormatter, PercentFormatter
 from tex_lightning.core.console import console
 from tex_lightning.core.files import write_rows
 from tex_lightning.core.run_folder import FAILURE
-from tex_lightning.data.recordings import natural_key
 from tex_lightning.evaluation.conditions import by_size
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.page import write_report
@@ -37,6 +36,7 @@ from tex_lightning.report.trials import (
     swept_keys,
     told_figures,
 )
+from tex_lightning_runtime.files import natural_key
 
 MAX_LINES = 6  # combinations of the other keys that have a line each; else they are averaged
 MAX_FIGURES = 12

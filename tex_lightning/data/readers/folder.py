@@ -38,10 +38,9 @@ from tex_lightning.data.recordings import (
     Recordings,
     is_hidden,
     modality_named,
-    natural_key,
 )
 from tex_lightning.errors import UserError, listed
-from tex_lightning_runtime.files import expanded
+from tex_lightning_runtime.files import expanded, natural_key
 from tex_lightning_runtime.photos import IMAGE_SUFFIXES
 from tex_lightning_runtime.tables import SUFFIXES
 from tex_lightning_runtime.traces import TRACE_SUFFIXES, axis_files, stands_for_all

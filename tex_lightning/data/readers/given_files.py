@@ -6,9 +6,9 @@ from glob import glob, has_magic
 from pathlib import Path
 
 from tex_lightning.data.readers.folder import suffixes_of
-from tex_lightning.data.recordings import natural_key, plural, singular
+from tex_lightning.data.recordings import plural, singular
 from tex_lightning.errors import UserError, inflected
-from tex_lightning_runtime.files import expanded, is_file
+from tex_lightning_runtime.files import expanded, is_file, natural_key
 from tex_lightning_runtime.traces import stands_for_all
 
 

@@ -17,9 +17,9 @@ from tex_lightning.data.recordings import (
     Recordings,
     is_hidden,
     modality_named,
-    natural_key,
 )
 from tex_lightning.errors import UserError, shorten
+from tex_lightning_runtime.files import natural_key
 from tex_lightning_runtime.photos import IMAGE_SUFFIXES
 from tex_lightning_runtime.traces import TRACE_SUFFIXES, stands_for_all
 

@@ -21,9 +21,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tex_lightning.config.keys import choice
-from tex_lightning.data.recordings import Recording, Recordings, natural_key
+from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.errors import UserError
-from tex_lightning_runtime.files import expanded
+from tex_lightning_runtime.files import expanded, natural_key
 from tex_lightning_runtime.photos import IMAGE_SUFFIXES
 from tex_lightning_runtime.traces import TRACE_SUFFIXES, stands_for_all
 

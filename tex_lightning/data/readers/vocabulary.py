@@ -57,8 +57,8 @@ def is_called(name: str, known: set[str]) -> bool:
     """Return whether a name is of these words, beside numbers and words such as ``data``."""
     named = words(name)  # fold alone may be one of cloth
     said = [word for word in named if not word.isdecimal() and word not in FILLERS]
-    known = {each.removesuffix("s") for each in known}
-    return bool(said) and {word.removesuffix("s") for word in said} <= known and named != ["fold"]
+    ones = [word.removesuffix("s") for word in said]
+    return bool(said) and all({one, f"{one}s"} & known for one in ones) and named != ["fold"]
 
 
 def is_about(path: Path) -> bool:
