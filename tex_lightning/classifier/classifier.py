@@ -249,7 +249,7 @@ class SurfaceClassifier(nn.Module):
 
         The arithmetic is estimated as the number of weights times that of samples or pixels.
         """
-        weights = sum(values.numel() for values in self.senses[name].parameters())
+        weights = sum(values.numel() for values in self.senses[name].network.parameters())
         places = recording.numel() // max(1, min(recording.shape))
         little = 0 < weights * places < ONE_THREAD
         return 1 if little and self.device.type == "cpu" else None

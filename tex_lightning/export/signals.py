@@ -222,9 +222,8 @@ class ProportionsGraph(nn.Module):
         self.features = features
         self.powers = nn.ModuleList()
         for part in features.used:
-            filters = part.filters.T / part.window.sum().square()
             slope = part.slope if part.detrends else None
-            self.powers.append(BandPower(part.window, part.hop, filters, slope))
+            self.powers.append(BandPower(part.window, part.hop, part.filters.T, slope))
 
     def forward(self, trace: Tensor) -> Tensor:
         """Map a trace (axes, samples) to proportions (1, 1, bands, fragments)."""

@@ -41,20 +41,20 @@ class ShortLine(FittedLater):
         """Note the limit."""
         self.limit = float(self.most) if self.in_use else 0.0
 
-    def layer(self, long: nn.Conv2d, count: int) -> tuple[Tensor, Tensor]:
-        """Return weights (classes, D, 1, 1) and biases of a recording of so many fragments.
+    def forward(self, x: Tensor, long: nn.Conv2d, count: int) -> Tensor:
+        """Return the class scores (B, classes, M, N) of a recording of so many fragments.
 
         While a fusion is trained on single fragments, they are those of a long one.
 
         Args:
+            x: Features (B, D, M, N) that passed the gate.
             long: The layer of recordings of more than ``most``.
             count: Number of fragments; in an export it is known only at run time.
         """
         mine, others = (self.weight, self.bias), (long.weight, cast(Tensor, long.bias))
-        if self.in_use and torch.compiler.is_exporting():
-            short = self.most / count >= 1
-            return torch.where(short, mine[0], others[0]), torch.where(short, mine[1], others[1])
-        return mine if count <= self.limit and not self.training else others
+        if self.in_use and torch.compiler.is_exporting():  # both are less than a choice of weights
+            return torch.where(self.most / count >= 1, weighed(x, *mine), weighed(x, *others))
+        return weighed(x, *(mine if count <= self.limit and not self.training else others))
 
 
 class GainlessLine(FittedLater):
@@ -218,7 +218,7 @@ class LineOrPlanes(nn.Sequential):
         inside: Tensor = self.gate(self.range(x, whole), whole)
         if not self.is_linear:
             return cast(Tensor, self.planes(inside))
-        scores = weighed(inside, *self.short.layer(self.layer, count))
+        scores: Tensor = self.short(inside, self.layer, count)
         if self.gainless.in_use and not self.training:
             scores = self.gainless(inside, mean, scores)
         if not is_bounded:

@@ -1,5 +1,7 @@
 """Mean and variance of rows over equal fragments of them, block after block."""
 
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor
 from torch.nn.functional import embedding_bag
@@ -10,7 +12,7 @@ PARTS = 16  # fragments that rows are added to at once
 
 
 class Moments:
-    """Mean and variance of rows over equal fragments of them, added block by block.
+    """Mean of rows over equal fragments, and variance of some of their columns, block by block.
 
     Blocks are joined as Chan, Golub and LeVeque (1983) do, so that nothing large is subtracted.
 
@@ -19,60 +21,65 @@ class Moments:
         fragments: Number of fragments, at most that of rows.
 
     Attributes:
-        mean: (fragments, D) of the rows in each fragment.
+        means: (fragments, D) of the rows in each fragment, of each of the matrices.
     """
 
-    mean: Tensor
     squares: Tensor
     counts: Tensor
 
     def __init__(self, rows: int, fragments: int) -> None:
         self.rows, self.fragments, self.before = rows, fragments, 0
+        self.means: list[Tensor] = []
 
-    def add(self, block: Tensor, *, squares: bool = False) -> None:
-        """Add the next rows (block, D), and their squared deviations if ``squares``."""
-        if torch.compiler.is_exporting() or is_at_hand(block) or block.shape[0] == self.rows:
-            self._add(block, squares)
+    def add(self, *blocks: Tensor, squares: bool = False) -> None:
+        """Add the next rows (block, D) of matrices; ``squares`` adds the last's deviations."""
+        first = blocks[0]
+        if torch.compiler.is_exporting() or is_at_hand(first) or first.shape[0] == self.rows:
+            self._add(blocks, squares)
             return
         size = max(1, PARTS * self.rows // self.fragments)
-        for some in torch.split(block, size):  # with many fragments most products are 0
-            self._add(some, squares)
+        for some in zip(*(torch.split(block, size) for block in blocks), strict=True):
+            self._add(some, squares)  # with many fragments most products are 0
 
-    def _add(self, block: Tensor, squares: bool) -> None:
-        rows, fragments, first = self.rows, self.fragments, self.before
-        self.before += block.shape[0]
+    def _add(self, blocks: Sequence[Tensor], squares: bool) -> None:
+        rows, fragments, first, last = self.rows, self.fragments, self.before, blocks[-1]
+        self.before += last.shape[0]
         whole = first == 0 and self.before == rows
         start = 0 if whole else first * fragments // rows
         stop = fragments if whole else (self.before - 1) * fragments // rows + 1
-        every = torch.arange(start, stop + 1, device=block.device)
-        bounds = ((every * rows + fragments - 1) // fragments - first).clamp_(0, block.shape[0])
-        counts = bounds.diff()[:, None].to(block.dtype)
-        mean, around = sums_between(bounds, block) / counts, None
+        every = torch.arange(start, stop + 1, device=last.device)
+        bounds = ((every * rows + fragments - 1) // fragments - first).clamp_(0, last.shape[0])
+        counts = bounds.diff()[:, None].to(last.dtype)
+        means, around = [sums_between(bounds, block).div_(counts) for block in blocks], None
         if squares:
-            place = torch.arange(first, self.before, device=block.device) * fragments // rows
-            around = sums_between(bounds, (block - mean[place - start]).square_())
+            place = torch.arange(first, self.before, device=last.device) * fragments // rows
+            around = sums_between(bounds, (last - means[-1][place - start]).square_())
         if whole:
-            self.mean, self.counts = mean, counts
-            self.squares = mean if around is None else around
+            self.means, self.counts = means, counts
+            self.squares = means[-1] if around is None else around
         else:
-            self._join(slice(start, stop), counts, mean, around)
+            self._join(slice(start, stop), counts, means, around)
 
-    def _join(self, part: slice, counts: Tensor, mean: Tensor, squares: Tensor | None) -> None:
+    def _join(
+        self, part: slice, counts: Tensor, means: Sequence[Tensor], squares: Tensor | None
+    ) -> None:
         """Join counts (parts, 1), means and squares (parts, D) with those before."""
-        if part.start == 0 and not hasattr(self, "mean"):
-            self.mean = mean.new_zeros(self.fragments, mean.shape[-1])
-            self.squares = torch.zeros_like(self.mean) if squares is not None else self.mean
-            self.counts = mean.new_zeros(self.fragments, 1)
-        before, away = self.counts[part].clone(), mean - self.mean[part]
+        if not self.means:
+            self.means = [mean.new_zeros(self.fragments, mean.shape[-1]) for mean in means]
+            self.squares = torch.zeros_like(self.means[-1])
+            self.counts = counts.new_zeros(self.fragments, 1)
+        before = self.counts[part].clone()
         self.counts[part] += counts
         share = counts / self.counts[part]
-        self.mean[part] += away * share
-        if squares is not None:
+        for mean, more in zip(self.means, means, strict=True):
+            away = more - mean[part]
+            mean[part] += away * share
+        if squares is not None:  # of the last of them
             self.squares[part] += squares + away.square() * (before * share)
 
     @property
     def variance(self) -> Tensor:
-        """Variance (fragments, D) in each fragment, of rows that were added with squares."""
+        """Variance (fragments, D) in each fragment, of the last of what has squares."""
         return self.squares / self.counts
 
 

@@ -173,8 +173,9 @@ def moving(trace: Tensor, sampling_rate: float, *, pieces: bool = True) -> Tenso
     trace = trace[:, movement_start(trace, sampling_rate) :]
     if trace.shape[-1] < block_length(sampling_rate):
         return trace
-    out = left_out(trace, sampling_rate)
-    if not bool(out.any()):
+    blocks = left_out_blocks(trace, sampling_rate)
+    if not bool(blocks.any()):
         return trace
+    out = of_samples(blocks, trace.shape[-1], block_length(sampling_rate))
     kept = (~out).nonzero()[:, 0]
     return trace[:, kept] if pieces else trace[:, : int(kept[-1]) + 1]

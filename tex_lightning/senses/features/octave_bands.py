@@ -16,7 +16,7 @@ from tex_lightning.senses.features.usual_bands import UsualBands
 
 OVERLAP = 4  # frames that every sample is in
 LONGEST_ODD = 1024  # samples; transforms of more are fast if they can be halved
-RANGES = 8  # of bands, each of which is a product of its own: low bands take few channels
+RANGES = 3  # of bands, each of which is a product of its own: low bands take few channels
 BLOCK = 1 << 18  # samples of frames that are computed at once, about, so that they stay in cache
 MIN_BLOCK, MAX_BLOCK = 64, 1024  # frames
 FLOOR = 1e-7  # of the power of a frame; below it the logarithm is flat
@@ -76,6 +76,7 @@ class OctaveBands(nn.Module):
         self.ranges = [(part, _reach(filters[part])) for part in parts]
         channels = sum(self.sizes) * (1 + apart)
         window = torch.hann_window(length, periodic=False)
+        window /= window.sum()  # so that power is that of the signal
         slope = torch.linspace(-1, 1, length, dtype=torch.float64)
         slope = (slope / slope.norm()).to(window.dtype)
         self.register_buffer("window", window, persistent=False)
@@ -129,8 +130,7 @@ class OctaveBands(nn.Module):
         sums = [
             power[..., channels] @ self.filters[channels, bands] for bands, channels in self.ranges
         ]
-        power = torch.cat(sums, dim=-1).div_(self.window.sum().square())
-        return self.compare(power, mean_power)[first - before :]
+        return self.compare(torch.cat(sums, dim=-1), mean_power)[first - before :]
 
     def in_blocks(self, movement: Tensor, mean_power: Tensor, begin: int = 0) -> Iterator[Tensor]:
         """Yield the same as :meth:`responses` some frames (block, channels) at a time.
@@ -188,18 +188,18 @@ class OctaveBands(nn.Module):
             fragments: Number of equal fragments.
         """
         limits, bands = self.thresholds, self.sizes
-        above, means = Moments(frames, fragments), Moments(frames, fragments)
+        moments = Moments(frames, fragments)
         for responses in blocks:  # as numbers: faster than a comparison as booleans
             found = responses.new_empty(responses.shape[0], *limits.shape)
             found = torch.gt(responses[:, None], limits, out=found)
             kept = responses[:, : sum(bands if self.slow else bands[:2])]
             if self.usual.has_empty(responses):
                 found, kept = self.usual.fill(responses, found, kept)
-            above.add(found.flatten(1))
-            means.add(kept, squares=self.slow)
-        shares = above.mean.reshape(-1, *limits.shape).transpose(1, 2).flatten(1)
-        parts = [shares, means.mean[:, : sum(bands[:2])]]
-        return torch.cat((*parts, means.variance.sqrt()) if self.slow else parts, dim=1).T
+            moments.add(found.flatten(1), kept, squares=self.slow)
+        above, means = moments.means
+        shares = above.reshape(-1, *limits.shape).transpose(1, 2).flatten(1)
+        parts = [shares, means[:, : sum(bands[:2])]]
+        return torch.cat((*parts, moments.variance.sqrt()) if self.slow else parts, dim=1).T
 
 
 def transform_length(samples: float) -> int:
@@ -230,10 +230,11 @@ def compared(bands: Tensor, mean: Tensor, gap: int, kinds: int) -> Tensor:
     With the ``mean`` (axes, frames, 1) of the frame, with the band ``gap`` below, with the same
     band one window earlier (the first frames with the first), and as they are; of each all axes.
     """
-    earlier = (torch.arange(bands.shape[1], device=bands.device) - OVERLAP).clamp_min(0)
+    bands, mean = bands.transpose(0, 1), mean.transpose(0, 1)
+    earlier = (torch.arange(bands.shape[0], device=bands.device) - OVERLAP).clamp_min(0)
     relative, steps = bands - mean, bands[..., gap:] - bands[..., :-gap]
-    comparisons = (relative, steps, bands - bands.index_select(1, earlier), bands)[:kinds]
-    return torch.cat([part.transpose(0, 1).flatten(1) for part in comparisons], dim=1)
+    comparisons = (relative, steps, bands - bands.index_select(0, earlier), bands)[:kinds]
+    return torch.cat([part.flatten(1) for part in comparisons], dim=1)
 
 
 def octave_filters(sampling_rate: float, samples: int, per_octave: int) -> Tensor:

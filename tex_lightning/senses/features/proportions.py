@@ -362,7 +362,7 @@ class BandProportions(nn.Module):
         every = movement.T
         for block in (every,) if torch.compiler.is_exporting() else torch.split(every, MAX_BLOCK):
             moments.add(block, squares=True)
-        mean = moments.mean.T
+        mean = moments.means[0].T
         away = mean - whole
         square = moments.variance.T + away.square()
         tiny = torch.finfo(mean.dtype).tiny

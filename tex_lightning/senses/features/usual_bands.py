@@ -29,10 +29,12 @@ class UsualBands(nn.Module):
         moments: Mean and deviation of each comparison of all axes together (2, channels); zeros
             where none was learnt, and then no band is empty.
         depth: How far below its usual place a band is empty, in nepers (bands,).
+        least: Of the highest band over the mean of its frame (), below which it is empty.
     """
 
     moments: Tensor
     depth: Tensor
+    least: Tensor
 
     def __init__(self, sizes: Sequence[int], gap: int, *, slow: bool, apart: int) -> None:
         super().__init__()
@@ -43,14 +45,16 @@ class UsualBands(nn.Module):
         self.highest = [before + bands - 1, *(each + bands * (1 + axis) for axis in range(apart))]
         self.register_buffer("moments", torch.zeros(2, sum(self.sizes)))
         self.register_buffer("depth", torch.zeros(bands), persistent=False)
+        self.register_buffer("least", torch.zeros(()), persistent=False)
         self.known = False
         loaded: Any = self.register_load_state_dict_post_hook  # it has no annotations
         loaded(UsualBands._note)
 
     def _note(self, *_: object) -> None:
         self.known = bool(self.moments.any())
-        least = SLOW_DEPTH if self.slow else LEAST_DEPTH
-        self.depth = (EMPTY * self.moments[1, : self.sizes[0]]).clamp_min(least)
+        usual, deviation = self.moments[:, : self.sizes[0]]
+        self.depth = (EMPTY * deviation).clamp_min(SLOW_DEPTH if self.slow else LEAST_DEPTH)
+        self.least = usual[-1] - usual.mean() - self.depth[-1]
 
     def forget(self) -> None:
         """Take no band for empty."""
@@ -75,11 +79,10 @@ class UsualBands(nn.Module):
         """
         if not self.known:
             return logs, mean
+        if is_at_hand(logs) and bool((logs[..., -1:] - mean > self.least).all()):
+            return logs, mean
         usual, depth = self.moments[0, : self.sizes[0]], self.depth
         offset = mean - usual.mean()  # of the frame from what is usual
-        highest = logs[..., -1:] - usual[-1] - offset
-        if is_at_hand(logs) and bool((highest > -depth[-1]).all()):
-            return logs, mean
         apart = logs - usual
         heard = apart - offset > -depth
         for _ in range(2):  # the mean of those that are heard is higher, and more are empty below
@@ -118,7 +121,8 @@ class UsualBands(nn.Module):
             frames = torch.arange(kept.shape[0], device=kept.device)
             usual = usual + (1 - 2 * (frames % 2))[:, None] * self._deviations()
         kept = torch.where(empty[:, : kept.shape[1]], usual, kept)
-        return torch.where(empty[:, None], shares[:, None], found), kept
+        # NaN is above nothing, so that a sum suffices, which exported graphs compute faster
+        return found + empty[:, None].to(found.dtype) * shares[:, None], kept
 
     def _deviations(self) -> Tensor:
         """Return the deviation of each comparison (channels,) within a recording.
