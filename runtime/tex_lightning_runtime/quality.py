@@ -26,7 +26,7 @@ MEASURES = {
 }
 FLAT_SHARE = 0.01  # of the samples, from which on a trace counts as clipped
 MIN_FLAT = 10  # samples; a few at the extremes of a slow trace are none
-FEW = 256  # samples among which a finely digitised trace has so many different ones
+FEW = 256  # samples in which different values are looked for first; a quiet beginning has few
 FINE_VALUES = 32  # a coarsely digitised trace often stays at its extremes without being clipped
 UNLIKE = 0.5  # of votes and probabilities that is spread where an input is unlike the training
 UNIFORM = 0.5  # standard deviation in grey levels of 255, below which a photo shows nothing
@@ -124,10 +124,11 @@ class Axis:
         self.at_low += _repetitions(joined == self.low)
         self.at_high += _repetitions(joined == self.high)
         self.last = values[-1:]
-        for part in (values[:FEW], values[FEW:]):  # sorting is slow, and few usually suffice
-            if len(self.different) < FINE_VALUES:
-                self.different = np.unique(np.concatenate((self.different, part)))
-        self.different = self.different[:FINE_VALUES]
+        start, count = 0, FEW
+        while len(self.different) < FINE_VALUES and start < len(values):  # sorting is slow
+            part = values[start : start + count]
+            self.different = np.unique(np.concatenate((self.different, part)))[:FINE_VALUES]
+            start, count = start + count, 2 * count
 
     @property
     def flat(self) -> int:

@@ -85,6 +85,21 @@ def test_large_inputs_in_pieces_keep_class_scores_and_fragments(kind):
     assert len(sizes) > 1
 
 
+@pytest.mark.parametrize(("kind", "modality"), [("haptic", "haptic"), ("visual", "image")])
+def test_every_layer_gets_its_channels_innermost(kind, modality):
+    last = []
+
+    def check(module, given, output):
+        last.append(output.is_contiguous(memory_format=torch.channels_last))
+
+    engine = accelerate(classifier(kind), DEFAULT)
+    for module in engine.modules():
+        if isinstance(module, nn.Conv2d):
+            module.register_forward_hook(check)
+    engine.logits(**{modality: inputs()[modality]})
+    assert len(last) > 3 and all(last)
+
+
 def test_the_original_is_left_alone_and_the_type_is_kept():
     model = classifier("fusion").requires_grad_(True)
     before = {key: value.clone() for key, value in model.state_dict().items()}

@@ -103,8 +103,8 @@ def _rewrite_channels_last(network: nn.Module) -> int:
     """Rewrite layers, and lay out weights with the channels innermost, which is faster."""
     count, layout = _rewrite(network), torch.channels_last
     images = [values for values in network.parameters() if values.dim() == 4]
-    for values in images:
-        values.data = values.data.contiguous(memory_format=layout)
+    for values in images:  # .contiguous would leave those of a single channel as they are
+        values.data = values.data.to(memory_format=layout)
     return count + len(images)
 
 
