@@ -15,6 +15,7 @@ from torch import nn
 
 from benchmarks._classifiers import make_classifier
 from tex_lightning.config import CONF, EngineConfig
+from tex_lightning.core.devices import keep_memory
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.studies.profile import gemm_gflops, products
 from tex_lightning.studies.timing import interleaved
@@ -34,6 +35,7 @@ def measure(threads: str = "2") -> dict[str, Any]:
     """Ratios of both times and the share of the matrix rate, by network and normalisation."""
     before = torch.get_num_threads()
     torch.set_num_threads(int(threads))
+    keep_memory()  # as every command does
     try:
         with torch.inference_mode():
             return {f"{kind}_{norm}": _case(kind, norm) for kind in SIZES for norm in NORMS}

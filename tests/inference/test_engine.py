@@ -97,7 +97,8 @@ def test_every_layer_gets_its_channels_innermost(kind, modality):
         if isinstance(module, nn.Conv2d):
             module.register_forward_hook(check)
     engine.logits(**{modality: inputs()[modality]})
-    assert len(last) > 3 and all(last)
+    assert len(last) > 3
+    assert all(last)
 
 
 def test_the_original_is_left_alone_and_the_type_is_kept():
