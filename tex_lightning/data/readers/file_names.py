@@ -1,8 +1,10 @@
 """Patterns of the names of files, and of folders above them, that may have the classes in them."""
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from itertools import takewhile
+from operator import itemgetter
 from pathlib import Path
 
 from tex_lightning.data.readers.vocabulary import (
@@ -15,8 +17,16 @@ from tex_lightning.data.readers.vocabulary import (
     is_called,
     is_sense,
 )
+from tex_lightning_runtime.files import natural_key
 
 MARKS = "_- ."  # between the parts of a name
+PERSON = re.compile(
+    r"(s|p|sub|subj|subject|participant|person|proband|user|actor|volunteer|patient|operator|session"
+    r"|day)[_ -]?\d+",
+    re.IGNORECASE,
+)
+DATE = re.compile(r"(?<!\d)(19|20)\d\d([-_.]?\d\d){2}(?!\d)")
+TAKES = re.compile(r"(take|trial|rep|repetition|try|run|t|r|v|version|nr?|no)\d+", re.IGNORECASE)
 PIECE = re.compile(  # ends of names of what was cut from one recording
     r"[_. -](seg(ment)?|chunk|part|win(dow)?|slice|clip|piece|crop|patch|tile|frame|burst|aug"
     r"|rot)s?[_. -]?\d+$",
@@ -50,6 +60,11 @@ def tokens_of(levels: Sequence[Sequence[str]], classes: int | None) -> list[str]
     return tokens
 
 
+def path_ending(paths: Sequence[Path]) -> str:
+    """Return the suffix of all paths, as a pattern has it."""
+    return paths[0].suffix if len({path.suffix for path in paths}) == 1 else ".*"
+
+
 def flat_patterns(paths: Sequence[Path]) -> list[tuple[Sequence[str], str]]:
     """Return patterns of the names of files in one folder, each with the classes that it gives.
 
@@ -57,8 +72,7 @@ def flat_patterns(paths: Sequence[Path]) -> list[tuple[Sequence[str], str]]:
     Else they are a class between numbers, or a class, a separator if any, and a number; there is no
     pattern of mere words.
     """
-    suffixes = {path.suffix for path in paths}
-    ending = paths[0].suffix if len(suffixes) == 1 else ".*"
+    ending = path_ending(paths)
     if cut := len(paths) > 0 and all(PIECE.search(path.stem) for path in paths):
         ending = f"_*{ending}"
     stems = [PIECE.sub("", path.stem) if cut else path.stem for path in paths]
@@ -71,7 +85,9 @@ def flat_patterns(paths: Sequence[Path]) -> list[tuple[Sequence[str], str]]:
     told = found[0] if found else []
     for mark in marks or [""] * all(re.search(r"\D\d+$", stem) for stem in stems):
         heads = {stem.rpartition(mark)[0] if mark else stem.rstrip("0123456789") for stem in stems}
-        told = told or [(sorted(heads), f"{{label}}{mark}{{group}}")][: len(heads) - 1]
+        decimals = mark == "." and all(map(str.isdecimal, heads))
+        if not (decimals or any(map(DATE.search, heads))):
+            told = told or [(sorted(heads), f"{{label}}{mark}{{group}}")][: len(heads) - 1]
     return [(classes, pattern + ending) for classes, pattern in told]
 
 
@@ -89,7 +105,7 @@ def _by_parts(names: Sequence[Sequence[str]], mark: str) -> list[tuple[list[str]
         if (len(level) > 1 or are_numbered(level)) and not all(map(is_sense, level))
     ]
     told = []
-    for at in levels_of_words(plain):
+    for at in levels_of_words(plain) or _level_of_numbers(plain, len(names)):
         if len(plain[at]) == len(names):
             continue
         tokens = iter(tokens_of(plain, at))
@@ -99,6 +115,18 @@ def _by_parts(names: Sequence[Sequence[str]], mark: str) -> list[tuple[list[str]
         ]
         told.append((plain[at], mark.join(parts)))
     return told
+
+
+def _level_of_numbers(levels: Sequence[Sequence[str]], files: int) -> list[int]:
+    """Return the first level of plain numbers that may be classes, neither dates nor takes."""
+    if any(re.fullmatch(r"(19|20)\d\d", name) for level in levels for name in level):
+        return []
+    shared = (
+        at
+        for at, level in enumerate(levels[:-1])
+        if 1 < len(level) < files and all(re.fullmatch(r"\d{1,3}", name) for name in level)
+    )
+    return [*shared][:1]
 
 
 def _between(names: Sequence[Sequence[str]], mark: str) -> list[tuple[list[str], str]]:
@@ -133,3 +161,63 @@ def uncut(names: Sequence[str]) -> Sequence[str]:
     """Return for each name of a class that of the recording, unless all are pieces of one."""
     whole = [PIECE.sub("", name) for name in names]
     return names if len({*whole}) == 1 < len({*names}) else whole
+
+
+def shared_part(paths: Sequence[Path], labels: Sequence[str]) -> tuple[list[str], int, str] | None:
+    """Find the part of names that several files of a class share, such as the person of P1_3.
+
+    Args:
+        paths: The files.
+        labels: Their classes, whose names may stand in those of the files.
+
+    Returns:
+        The values of this part, the number of a file that shares one, and a pattern of the names
+        with ``{group}`` in its place; None if there is no such part.
+    """
+    own = {each: re.compile(rf"(?<![^\W_]){re.escape(each)}(?![^\W_])", re.I) for each in {*labels}}
+    stems = [
+        own[label].sub("*", PIECE.sub("", path.stem))
+        for path, label in zip(paths, labels, strict=True)
+    ]
+    ending = "*" * any(PIECE.search(path.stem) for path in paths) + path_ending(paths)
+    found = []
+    for mark in MARKS:
+        names = [stem.split(mark) for stem in stems]
+        levels = [*zip(*names, strict=True)] if len({*map(len, names)}) == 1 else []
+        for at, level in enumerate(levels):
+            rank = _rank(level, last=at == len(levels) - 1)
+            if rank is not None and _recur(stems, labels, level):
+                tokens = [values[0] if _are_one(values) else "*" for values in levels]
+                tokens[at] = "{group}"
+                found.append((rank, level, mark.join(tokens) + ending))
+    if not found:
+        return None
+    _, level, pattern = min(found, key=itemgetter(0))
+    counts = Counter(pairs := [*zip(labels, level, strict=True)])
+    return (
+        sorted({*level}, key=natural_key),
+        [counts[pair] > 1 for pair in pairs].index(True),
+        pattern,
+    )
+
+
+def _recur(stems: Sequence[str], labels: Sequence[str], values: Sequence[str]) -> bool:
+    """Return whether most files share a value with others of their class, but not with all."""
+    files = {*zip(labels, values, stems, strict=True)}
+    counts = Counter((label, value) for label, value, _ in files)
+    several = Counter(label for label, _ in counts)
+    alike = [pair for pair, count in counts.items() if count > 1 and several[pair[0]] > 1]
+    return sum(counts[pair] for pair in alike) > len(files) / 2
+
+
+def _rank(values: Sequence[str], *, last: bool) -> int | None:
+    """Return how likely a part of names is a person or session, from 0; None of one that is not."""
+    names = sorted({*values})
+    if are(names, SPLITS | VERSIONS) or all(map(is_sense, names)):
+        return None
+    if all(re.fullmatch(r"[\da-f]{8,}|(\d+-){2}\d+", name, re.I) for name in names):
+        return 0
+    if are_people(names) and not TAKES.fullmatch(names[0]):
+        return 0
+    plain = all(name.isdecimal() for name in names) or not re.search(r"\d", "".join(names))
+    return 1 if (plain or are_people(names)) and not last else None

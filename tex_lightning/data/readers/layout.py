@@ -14,9 +14,11 @@ from pathlib import Path
 from tex_lightning.core.files import resolved
 from tex_lightning.data.manifest import META, names_recordings
 from tex_lightning.data.readers.file_names import (
+    PERSON,
     flat_patterns,
     free_levels,
     levels_of_words,
+    path_ending,
     tokens_of,
 )
 from tex_lightning.data.readers.vocabulary import (
@@ -24,6 +26,7 @@ from tex_lightning.data.readers.vocabulary import (
     SPLITS,
     are,
     are_numbered,
+    are_people,
     is_called,
     is_sense,
     rename,
@@ -43,12 +46,19 @@ def by_pattern(root: Path, *patterns: tuple[Sequence[str], str]) -> str:
         patterns: The classes, empty where they are not in doubt, and the pattern.
     """
     folder = shlex.quote(f"data.root={root}")
+    patterns = tuple((classes, _named_once(pattern)) for classes, pattern in patterns)
     told = [
         f"{f'if {listed(classes)} are the classes, ' if classes else ''}run task=manifest {folder} "
         f"pattern='{pattern}'"
         for classes, pattern in patterns
     ]
     return f"{'; '.join(told)}, and train with data=manifest"
+
+
+def _named_once(pattern: str) -> str:
+    """Return a pattern in which a part that stands there for a second time is anything."""
+    found = re.split(r"(\{\w+\})", pattern)
+    return "".join("*" if n % 2 and part in found[:n] else part for n, part in enumerate(found))
 
 
 def advise(root: Path, paths: Sequence[Path], name: str = "*") -> str:
@@ -96,7 +106,7 @@ def _patterns(
         (classes, pattern)
         for classes, pattern in flat_patterns(files)
         if name.strip("*") in pattern and {*map(str.casefold, classes)} not in known
-        and not (free and are_numbered(classes))
+        and not (are_numbered(classes) and any(len(plain[n]) > 1 for n in free))
     ]  # fmt: skip
     numbered = [] if found else [n for n in free if len(plain[n]) > 1]
     if not (found or names or numbered):
@@ -140,7 +150,8 @@ def _named_in(root: Path, paths: Sequence[Path]) -> str:
     return next((table.notes[-1] for table in tables), "")
 
 
-def _sense_token(part: str) -> str:
+def sense_token(part: str) -> str:
+    """Return the part of a pattern that stands for a folder below that of a class."""
     return "{modality}" if is_sense(part) else "*"
 
 
@@ -188,31 +199,46 @@ def _sessions_as_classes(root: Path, rows: Sequence[Recording]) -> list[str]:
     """Say where folders read as classes may be sessions or people, by numbers or files alike."""
     names = sorted({row.label for row in rows})
     path = next((row.path for row in rows), root)
-    inside = "".join(f"{_sense_token(part)}/" for part in path.relative_to(root).parts[1:-1])
+    inside = "".join(f"{sense_token(part)}/" for part in path.relative_to(root).parts[1:-1])
     stems, tail = _without_numbers(names)
-    if 1 < len(stems) <= len(names) / 2 and all(re.search(r"\d$", name) for name in names):
-        pattern = f"{{label}}{tail}{{group}}/{inside}*{path.suffix}"
-        return [f"{listed(names)} are classes of their own; {by_pattern(root, (stems, pattern))}."]
-    if found := crossed(names):
-        pattern = f"{{label}}{found[1]}{{group}}/{inside}*{path.suffix}"
+    numbered = 1 < len(stems) <= len(names) / 2 and all(re.search(r"\d$", name) for name in names)
+    if found := (stems, tail) if numbered else crossed(names):
+        persons = all(PERSON.fullmatch(row.path.stem) for row in rows)
+        end, name = ("*", "{group}") if persons else ("{group}", "*")
+        pattern = f"{{label}}{found[1]}{end}/{inside}{name}{path.suffix}"
         told = by_pattern(root, (found[0], pattern))
         return [f"{listed(names)} are classes of their own; {told}."]
-    files: dict[str, set[str]] = defaultdict(set)
-    for row in rows:
-        files[row.label].add(row.path.stem)
-    fewest = min(map(len, files.values()), default=0)
-    fewest //= 1 if are_numbered(names) else 2
     others = [
-        (classes, f"{{group}}/{inside}{pattern.replace('{group}', '{take}')}")
-        for classes, pattern in flat_patterns([row.path for row in rows])
-        if len(names) > 1 < len(classes) <= fewest and not are(classes, SPLITS)
-        and all(re.search(r"^[^\W\d_]|[^\W\d_]{2}", each) for each in classes)
-        and "{label}." not in pattern
-        and all(any(each in stem for stem in files[name]) for name in files for each in classes)
-    ]  # fmt: skip
+        (classes, f"{{group}}/{inside}{pattern}") for classes, pattern in classes_in_names(rows)
+    ]
     return (
         [f"{listed(names)} are read as the classes; {by_pattern(root, *others)}."] if others else []
     )
+
+
+def classes_in_names(rows: Sequence[Recording]) -> list[tuple[Sequence[str], str]]:
+    """Return which classes the files may have by their names, with patterns, in folders alike."""
+    files: dict[str, set[str]] = defaultdict(set)
+    for row in rows:
+        files[row.label].add(row.path.stem)
+    names = sorted(files)
+    fewest = min(map(len, files.values()), default=0)
+    fewest //= 1 if are_numbered(names) else 2
+    paths = [row.path for row in rows]
+    found = [
+        (classes, pattern.replace("{group}", "{take}"))
+        for classes, pattern in flat_patterns(paths)
+        if len(names) > 1 < len(classes) <= fewest and not are(classes, SPLITS)
+        and (are_people(names)
+             or all(re.search(r"^[^\W\d_]|[^\W\d_]{2}", each) for each in classes))
+        and "{label}." not in pattern
+        and all(any(each in stem for stem in files[name]) for name in files for each in classes)
+    ]  # fmt: skip
+    alike = {stem for stem in files[names[0]] if not re.search(r"\d", stem)} if names else set()
+    same = len(names) > 1 and all(stems == alike for stems in files.values())
+    if same and len(alike) > 1 and not found:
+        found.append((sorted(alike), f"{{label}}{path_ending(paths)}"))
+    return found
 
 
 def crossed(names: Sequence[str]) -> tuple[list[str], str, tuple[str, ...]] | None:

@@ -6,9 +6,21 @@ from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
 
-from tex_lightning.data.readers.file_names import PIECE
-from tex_lightning.data.readers.layout import advise, crossed
-from tex_lightning.data.readers.vocabulary import PLAIN, SPLITS, VERSIONS, is_called, words
+from tex_lightning.data.readers.file_names import PIECE, shared_part
+from tex_lightning.data.readers.layout import (
+    advise,
+    by_pattern,
+    classes_in_names,
+    sense_token,
+)
+from tex_lightning.data.readers.vocabulary import (
+    PLAIN,
+    SPLITS,
+    VERSIONS,
+    are_numbered,
+    is_called,
+    words,
+)
 from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.errors import UserError, inflected, listed
 from tex_lightning_runtime.tables import SUFFIXES
@@ -20,6 +32,7 @@ SENSOR = re.compile(
     re.IGNORECASE,
 )  # in the names of files beside each other
 NUMBERED = re.compile(r"(?<![a-z])(?:ch|chan|channel|axis|sensor|mic|taxel)\d+", re.IGNORECASE)
+MAX_SHARED = 5  # parts of names that are told
 SAME = {".jpeg": ".jpg", ".jfif": ".jpg", ".tiff": ".tif", **dict.fromkeys(SUFFIXES, ".csv")}
 
 
@@ -137,29 +150,34 @@ def pieces(rows: Sequence[Recording]) -> list[str]:
 
 
 def parts_apart(root: Path, rows: Sequence[Recording]) -> list[str]:
-    """Say which files may be parts of one recording or of a test, or tell a class by their kind."""
-    return [*_ends_alike(root, rows), *_splits(rows), *_kinds(rows)]
+    """Say which files may be of one person, recording or test, or tell a class by their kind."""
+    return [*_made_together(root, rows), *_splits(rows), *_kinds(rows)]
 
 
-def _ends_alike(root: Path, rows: Sequence[Recording]) -> list[str]:
-    """Say of ``1_left`` and ``1_right`` in every class that they may be of one recording."""
-    files: dict[str, dict[str, list[Path]]] = defaultdict(lambda: defaultdict(list))
-    for row in rows:
-        files[row.modality][row.label].append(row.path)
-    for classes in files.values():
-        found = [crossed([path.stem for path in paths]) for paths in classes.values()]
-        alike = {each[1:] for each in found if each}
-        if None in found or len(alike) > 1:
-            continue
-        ((mark, ends),) = alike
-        if not re.search(r"\d", "".join(ends)):
-            paths = [path for each in classes.values() for path in each]
+def _made_together(root: Path, rows: Sequence[Recording]) -> list[str]:
+    """Say which part several names of a class share: a person, a session or a recording."""
+    for modality in dict.fromkeys(row.modality for row in rows):
+        alike = [row for row in rows if row.modality == modality]
+        labels = [row.label for row in alike]
+        found = shared_part([row.path for row in alike], labels) if len({*labels}) > 1 else None
+        if found and not _told_as_classes(found[0], alike):
+            values, first, name = found
+            told = listed([*values[:MAX_SHARED], *["…"][: len(values) - MAX_SHARED]])
+            folders = alike[first].path.relative_to(root).parts[1:-1]
+            inside = "".join(f"{sense_token(part)}/" for part in folders)
             return [
-                f"{paths[0]} and others, whose names end in {listed(ends)}, are in groups of their "
-                "own; if those of one beginning are parts of one recording, "
-                f"{advise(root, paths, f'{{group}}{mark}{{take}}')}."
+                f"{alike[first].path} and others share {told} in their names with files "
+                "of their class, and are in groups of their own; if one such part is one person, "
+                "session or recording, "
+                f"{by_pattern(root, ((), f'{{label}}/{inside}{name}'))}."
             ]
     return []
+
+
+def _told_as_classes(values: Sequence[str], rows: Sequence[Recording]) -> bool:
+    """Return whether people, who are folders, are told to be no classes, but what is shared is."""
+    known = (classes for classes, _ in classes_in_names(rows))
+    return are_numbered([*{row.label for row in rows}]) and {*values} in map(set, known)
 
 
 def _splits(rows: Sequence[Recording]) -> list[str]:
