@@ -15,7 +15,7 @@ from tex_lightning_runtime.samples import MAX_SAMPLES, Array
 
 MIN_RATE, MAX_RATE = 19.0, 210_000.0  # Hz: 20 Hz to 200 kHz, by clocks that are not exact
 SAME_RATE = 0.005  # by which clocks of the same rate may differ; such samples stay as they are
-REACH, BETA = 10, 5.0  # of SciPy's filter: samples of the lower rate on each side; Kaiser's window
+REACH, BETA = 10, 5.0  # as in SciPy's: samples of the lower rate on each side; Kaiser's window
 IN_CACHE = 1 << 17  # samples that are summed together, which the processor keeps at hand
 # A spike is one sample or two. It lies outside of the range of the samples 2 to 8 before and after
 # it, by more than three times that range.
@@ -41,8 +41,7 @@ def to_rate(trace: Array, source: float, target: float, name: str, remedy: str =
     """Take spikes out of (axes, samples), and resample from the rate ``source`` to ``target`` Hz.
 
     Returns:
-        float32 array of shape (axes, samples): what SciPy makes of :func:`without_spikes`, to the
-        last bit.
+        float32 array of shape (axes, samples): :func:`resample_poly` of :func:`without_spikes`.
 
     Raises:
         UserError: If the rates are too far apart, beginning with ``name``; see :func:`rate_ratio`.
@@ -148,17 +147,22 @@ def rate_ratio(source: float, target: float, name: str, remedy: str = KEYS) -> F
 def resample_poly(x: Array, up: int, down: int) -> Array:
     """Resample (axes, samples) by the factor ``up / down``, in lowest terms and not 1.
 
+    A level, as of gravity or of a converter's middle, stays as it is: the signal goes on with its
+    first and last value, where zeros would be steps, and no new sample weighs those around it by
+    more or less than 1 altogether, which would be a tone.
+
     Args:
-        x: float32 or float64, and so is what is returned.
+        x: float32 or float64, and so is what is returned; at least one sample.
         up: Factor by which samples become more.
         down: Factor by which they then become fewer.
 
     Returns:
-        What SciPy's function of this name returns, to the last bit.
+        What SciPy's function of this name returns for :func:`low_pass` and ``padtype="edge"``, to
+        the last bit.
     """
     dtype, half = x.dtype.type, REACH * max(up, down)
-    low_pass = _low_pass(max(up, down)).astype(dtype) * dtype(up)
-    taps = np.pad(low_pass, (0, -len(low_pass) % up)).reshape(-1, up).T
+    scaled = low_pass(up, down).astype(dtype) * dtype(up)
+    taps = np.pad(scaled, (0, -len(scaled) % up)).reshape(-1, up).T
     # sample `up * row + p` is a sum over samples up to `down * row + newest[p]`
     newest, phases = np.divmod(np.arange(up) * down + half, up)
     count, lead = -(-x.shape[1] * up // down), taps.shape[1] - 1
@@ -178,22 +182,24 @@ def resample_poly(x: Array, up: int, down: int) -> Array:
 
 
 def _padded(x: Array, lead: int, length: int) -> Array:
-    """Return ``length`` samples, of which the first ``lead`` and the last ones are 0."""
-    padded = np.zeros((len(x), length), x.dtype)
-    kept = min(x.shape[1], length - lead)
-    padded[:, lead : lead + kept] = x[:, :kept]
-    return padded
+    """Return ``length`` samples, ``lead`` before the first of ``x``; both ends go on."""
+    return np.take(x, np.arange(-lead, length - lead).clip(0, x.shape[1] - 1), axis=1)
 
 
 @lru_cache(maxsize=8)
-def _low_pass(factor: int) -> Array:
-    """Return the filter whose cutoff is 1 / ``factor`` of half the rate, float64."""
+def low_pass(up: int, down: int) -> Array:
+    """Return the filter that resamples by ``up / down``, float64, odd in length.
+
+    Every ``up``-th weight belongs to the same new sample; each such part sums to ``1 / up``.
+    """
+    factor = max(up, down)
     half, cutoff = REACH * factor, 1 / factor
     place = np.arange(-half, half + 1.0)
     edge = np.array([BETA])
     window = _bessel(BETA * np.sqrt(1 - (place / half) ** 2.0)) / _bessel(edge)
-    sinc = cutoff * np.sinc(cutoff * place) * window
-    return np.asarray(sinc / sinc.sum())
+    sinc = np.sinc(cutoff * place) * window
+    parts = np.pad(sinc, (0, -len(sinc) % up)).reshape(-1, up)
+    return np.asarray((parts / (up * parts.sum(axis=0))).ravel()[: len(sinc)])
 
 
 def _bessel(x: Array) -> Array:

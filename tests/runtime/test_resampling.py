@@ -1,4 +1,4 @@
-"""Signals come to another rate as by SciPy, to the last bit, without it; spikes go."""
+"""Signals come to another rate as by SciPy, to the last bit, and keep their level; spikes go."""
 
 import numpy as np
 import pytest
@@ -9,6 +9,7 @@ from scipy import signal
 from tex_lightning_runtime.errors import UserError
 from tex_lightning_runtime.resampling import (
     find_spikes,
+    low_pass,
     rate_ratio,
     resample_poly,
     to_rate,
@@ -16,6 +17,11 @@ from tex_lightning_runtime.resampling import (
 )
 
 RATES = st.sampled_from([1_000, 2_200, 8_000, 9_973.1, 10_000, 20_000, 44_100, 48_000])
+
+
+def by_scipy(x, up, down):
+    window = low_pass(up, down).astype(x.dtype)
+    return signal.resample_poly(x, up, down, axis=1, window=window, padtype="edge")
 
 
 def noise(axes, count, dtype):
@@ -27,7 +33,7 @@ def test_resamples_as_scipy_does(source, target, count, dtype, axes):
     up, down = rate_ratio(source, target, "it").as_integer_ratio()
     assume(up != down)
     x = noise(axes, count, dtype)
-    expected = signal.resample_poly(x, up, down, axis=1)
+    expected = by_scipy(x, up, down)
     found = resample_poly(x, up, down)
     assert found.dtype == expected.dtype
     np.testing.assert_array_equal(found, expected)
@@ -40,13 +46,23 @@ def test_a_long_signal_has_the_bits_that_scipy_gives(monkeypatch, source, dtype,
     monkeypatch.setattr("tex_lightning_runtime.resampling.IN_CACHE", together)
     x = noise(3, 90_000, dtype)
     up, down = rate_ratio(source, 10_000, "it").as_integer_ratio()
-    expected = signal.resample_poly(x, up, down, axis=1).astype(np.float32)
+    expected = by_scipy(x, up, down).astype(np.float32)
     np.testing.assert_array_equal(resample_poly(x, up, down).astype(np.float32), expected)
+
+
+@pytest.mark.parametrize("source", [100.0, 1_000.0, 9_000.0, 44_100.0])
+def test_the_filter_is_scipys_and_keeps_a_level(source):
+    up, down = rate_ratio(source, 10_000, "it").as_integer_ratio()
+    own = signal.firwin(20 * max(up, down) + 1, 1 / max(up, down), window=("kaiser", 5.0))
+    assert np.abs(up * low_pass(up, down) - up * own).max() < 2e-3
+    level = np.array([[9.81], [-32_768.0], [0.0]], np.float32).repeat(300, axis=1)
+    found = to_rate(level, source, 10_000, "it")
+    np.testing.assert_allclose(found, level[:, :1].repeat(found.shape[1], axis=1), rtol=1e-6)
 
 
 @pytest.mark.parametrize(("source", "resampled"), [(35.606, False), (35.868, True), (71.2, True)])
 def test_samples_of_nearly_the_same_rate_stay_as_they_are(source, resampled):
-    trace = np.full((1, 200), 400.0, dtype=np.float32)  # with a level, which resampling bends
+    trace = noise(1, 200, "f4")
     assert (to_rate(trace, source, 35.624, "it").tobytes() != trace.tobytes()) == resampled
 
 

@@ -69,7 +69,7 @@ def skipped_entry(unusable: Iterable[Unusable]) -> list[dict[str, str]]:
 
 
 DIGITS = 32  # of a digest; checkpoints keep one for each recording
-LAYOUT = 13  # version of the entries: those of another version are decoded again
+LAYOUT = 14  # version of the entries: those of another version are decoded again
 KEPT = 1 << 17  # entries of which facts stay in memory; an entry never changes
 UNREADABLE = (OSError, ValueError, EOFError)  # not there yet, or damaged by a full disk
 SIZE = struct.Struct("<Q")  # length of the JSON of a trace, at the end of its entry

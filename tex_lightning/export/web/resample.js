@@ -1,5 +1,5 @@
-// Signals as networks take them: without spikes, and at their rate, as
-// scipy.signal.resample_poly computes them with its own filter.
+// Signals as networks take them: without spikes, and at their rate, as resample_poly of the Python
+// package: they go on with their first and last value.
 
 import { InputError } from "./errors.js";
 
@@ -34,11 +34,11 @@ export function resample(samples, source, target) {
   const found = new Float32Array(Math.ceil((samples.length * up) / down));
   for (let i = 0; i < found.length; i++) {
     const centre = i * down; // in samples of the common multiple of the rates
-    const first = Math.max(0, Math.ceil((centre - half) / up));
-    const last = Math.min(samples.length - 1, Math.floor((centre + half) / up));
+    const last = Math.floor((centre + half) / up);
     let sum = 0;
-    for (let k = first; k <= last; k++) {
-      sum = round(sum + round(samples[k] * filter[centre - k * up + half]));
+    for (let k = Math.ceil((centre - half) / up); k <= last; k++) {
+      const sample = samples[Math.min(Math.max(k, 0), samples.length - 1)];
+      sum = round(sum + round(sample * filter[centre - k * up + half]));
     }
     found[i] = sum;
   }
@@ -109,15 +109,16 @@ function abs(x) {
   return x < 0n ? -x : x;
 }
 
-/** Windowed sinc of 2 * half + 1 taps with the gain ``up``, in the precision of the samples. */
+/** Windowed sinc of 2 * half + 1 taps; those of each new sample sum to 1. */
 function lowPass(half, widest, up, Samples) {
   const taps = Float64Array.from({ length: 2 * half + 1 }, (_, i) => {
     const x = Math.PI * ((i - half) / widest);
     const sinc = x === 0 ? 1 : Math.sin(x) / x;
-    return (sinc / widest) * kaiser((i - half) / half);
+    return sinc * kaiser((i - half) / half);
   });
-  const sum = taps.reduce((total, tap) => total + tap, 0);
-  const scaled = Samples.from(taps, (tap) => tap / sum);
+  const sums = new Float64Array(up);
+  taps.forEach((tap, i) => (sums[i % up] += tap));
+  const scaled = Samples.from(taps, (tap, i) => tap / (up * sums[i % up]));
   return scaled.map((tap) => tap * up);
 }
 
