@@ -19,6 +19,8 @@ Limits = Mapping[str, tuple[float, float, str]]
 
 # of each measure how many times beyond that range is usual, and what to do about others
 MEASURES = {
+    "constant": (1.0, "check the sensor"),  # axes
+    "clipped": (3.0, "lower the sensor's gain"),  # share of the samples
     "level": (3.0, "check the sensor, its unit and gain"),
     "rate": (1.5, "check the rate that was given, or record as for the training"),
     "brightness": (3.0, "check lens and light"),
@@ -28,6 +30,7 @@ FLAT_SHARE = 0.01  # of the samples, from which on a trace counts as clipped
 MIN_FLAT = 10  # samples; a few at the extremes of a slow trace are none
 FEW = 256  # samples in which different values are looked for first; a quiet beginning has few
 FINE_VALUES = 32  # a coarsely digitised trace often stays at its extremes without being clipped
+SAME = 2e-6  # of a constant, by which resampling may change it
 UNLIKE = 0.5  # of votes and probabilities that is spread where an input is unlike the training
 UNIFORM = 0.5  # standard deviation in grey levels of 255, below which a photo shows nothing
 PHOTO_SIDE = 256  # pixels of a photo that are looked at, along each side
@@ -82,22 +85,35 @@ class Survey:
 
     def quality(self, usual: Limits, what: str, measures: Mapping[str, float]) -> Quality:
         """Return the faults so far; arguments are those of :func:`trace_quality`."""
-        constant = [axis.low == axis.high for axis in self.axes]
-        if all(constant):
+        if all(axis.constant for axis in self.axes):
             how = "constant" if any(axis.high for axis in self.axes) else "silent"
             warning = f"The {what} is {how}, so nothing was measured; check the sensor."
             return Quality((warning,), empty=True)
-        warnings = [
-            f"Axis {axis + 1} of the {what} is constant; check the sensor."
-            for axis in np.flatnonzero(constant)
-        ]
-        clipped = max(axis.flat for axis in self.axes if axis.low != axis.high) / self.samples
-        if clipped >= FLAT_SHARE:
+        warnings, found = [], self.measures
+        if found["constant"] > _most("constant", usual):
+            warnings = [
+                f"Axis {number} of the {what} is constant; {MEASURES['constant'][1]}."
+                for number, axis in enumerate(self.axes, 1)
+                if axis.constant
+            ]
+        if found["clipped"] >= FLAT_SHARE and found["clipped"] > _most("clipped", usual):
             warnings.append(
-                f"The {what} is clipped, {clipped:.0%} of it at its largest or smallest value; "
-                "lower the sensor's gain."
+                f"The {what} is clipped, {found['clipped']:.0%} of it at its largest or smallest "
+                f"value; {MEASURES['clipped'][1]}."
             )
         return Quality((*warnings, *_unlike(usual, what, measures)))
+
+    @property
+    def measures(self) -> dict[str, float]:
+        """Number of constant axes, and the largest share of an axis at its extremes, so far."""
+        flat = max((axis.flat for axis in self.axes if not axis.constant), default=0)
+        constant = sum(axis.constant for axis in self.axes)
+        return {"constant": float(constant), "clipped": flat / self.samples}
+
+
+def _most(measure: str, usual: Limits) -> float:
+    """Return the largest usual value of a fault; 0 where the training is not known."""
+    return usual[measure][1] if measure in usual else 0.0
 
 
 class Axis:
@@ -129,6 +145,11 @@ class Axis:
             part = values[start : start + count]
             self.different = np.unique(np.concatenate((self.different, part)))[:FINE_VALUES]
             start, count = start + count, 2 * count
+
+    @property
+    def constant(self) -> bool:
+        """Whether all values are the same, but for rounding."""
+        return bool(self.high - self.low <= SAME * abs(self.high))
 
     @property
     def flat(self) -> int:

@@ -220,21 +220,24 @@ TRACES = {
     "constant": np.full((1, 500), 2, np.float32),
     "clipped": np.clip(9 * noise(1, 5000), -5, 5),
     "an axis missing, and quiet": noise(3, 5000) * np.float32([[0.1], [0], [0.1]]),
+    "an axis of rounding": np.float32([[1], [1e-6]]) * noise(2, 5000) + np.float32([[0], [9.81]]),
 }
 
 
-def test_warnings_of_signals_are_those_of_the_package(node):
+@pytest.mark.parametrize("faults", [{}, {"constant": [2.0, 2.0], "clipped": [0.1, 0.3]}])
+def test_warnings_of_signals_are_those_of_the_package(node, faults):
+    ranges = RANGES | faults
     found = node(
         {"quality": "signalQuality"},
         "const about = { rate: 4000, sense: { what: 'trace', rate: 10000 }, ranges: given.ranges };"
         "return given.traces.map((trace) => {"
         " const axes = trace.map((each) => Float32Array.from(each));"
         " return signalQuality(axes, axes, about); });",
-        traces=[trace.tolist() for trace in TRACES.values()], ranges=RANGES,
+        traces=[trace.tolist() for trace in TRACES.values()], ranges=ranges,
     )  # fmt: skip
     for trace, quality in zip(TRACES.values(), found, strict=True):
         expected = trace_quality(
-            trace, limits(RANGES), "trace", trace_measures(level(trace), 4000.0, 10_000.0)
+            trace, limits(ranges), "trace", trace_measures(level(trace), 4000.0, 10_000.0)
         )
         assert quality == {"warnings": list(expected.warnings), "empty": expected.empty}
 

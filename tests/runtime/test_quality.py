@@ -44,6 +44,22 @@ def test_only_what_is_far_outside_of_the_training_is_said():
     assert len(quality(NOISE, rate=[44_100, 44_100]).warnings) == 1
 
 
+def test_faults_that_the_training_has_too_are_usual():
+    dead, clipped = NOISE.repeat(3, axis=0) * [[1], [0], [1]], NOISE.clip(-0.7, 0.7)
+    assert quality(dead, constant=[1.0, 1.0]).warnings == ()
+    assert len(quality(dead * [[1], [1], [0]], constant=[1.0, 1.0]).warnings) == 2
+    assert quality(dead, constant=[0.0, 0.7]).warnings  # of a few in the training
+    assert quality(dead * 0, constant=[3.0, 3.0]).empty
+    assert quality(clipped, clipped=[0.0, 0.1]).warnings == ()
+    assert quality(clipped, clipped=[0.0, 0.01]).warnings
+
+
+def test_an_axis_is_constant_but_for_rounding():
+    rounded = np.concatenate([NOISE, np.float32(9.81) + np.float32(1e-6) * NOISE.round()])
+    assert "Axis 2 of the trace is constant" in quality(rounded).warnings[0]
+    assert quality(np.concatenate([NOISE, 9.81 + 1e-3 * NOISE])).warnings == ()
+
+
 def test_photos_that_show_nothing_or_little():
     photo = RNG.integers(60, 200, (300, 400, 3)).astype(np.uint8)
     usual = limits({"brightness": [90.0, 160.0], "contrast": [20.0, 50.0]})

@@ -21,6 +21,7 @@ from tex_lightning.data.decode import RATE_TOLERANCE, PhotoDecoder, SignalDecode
 from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.data.store import Store, fingerprint
 from tex_lightning_runtime.quality import (
+    Survey,
     photo_measures,
     photo_quality,
     trace_measures,
@@ -223,7 +224,10 @@ def training_ranges(rows: Iterable[Recording], store: Store) -> dict[str, list[f
     for row in rows:
         decoder = store.decoders[row.modality]
         if isinstance(decoder, SignalDecoder):
+            survey = Survey()
+            survey.add(store.load(row))
             measures = trace_measures(store.level(row), store.rate(row), decoder.sampling_rate)
+            measures |= survey.measures
         else:
             measures = photo_measures(store.load(row))
         for name, value in measures.items():

@@ -1,9 +1,11 @@
-// What is wrong with a recording that can be read (data/quality.py has the same rules).
+// What is wrong with a recording that can be read (quality.py of the runtime has the same rules).
 
-const TOLERANCES = { level: 3, rate: 1.5, brightness: 3, contrast: 3 }; // factors beyond training
+// factors beyond training
+const TOLERANCES = { constant: 1, clipped: 3, level: 3, rate: 1.5, brightness: 3, contrast: 3 };
 const FLAT_SHARE = 0.01; // of the samples, from which on a signal counts as clipped
 const MIN_FLAT = 10; // samples; a few at the extremes of a slow signal are none
 const FINE_VALUES = 32; // fewer values are coarse digits and not a limit
+const SAME = 2e-6; // of a constant, by which resampling may change it
 const UNIFORM = 0.5; // standard deviation in grey levels, below which a photo shows nothing
 const PHOTO_SIDE = 256; // pixels of a photo that are looked at, along each side
 const REMEDIES = {
@@ -25,17 +27,22 @@ const REMEDIES = {
 export function signalQuality(axes, decoded, { rate, sense, ranges }) {
   const measured = axes.map(measure);
   const what = sense.what;
-  if (measured.every((each) => each.low === each.high)) {
+  const constant = measured.map(({ low, high }) => high - low <= SAME * Math.abs(high));
+  if (constant.every(Boolean)) {
     const how = measured.some((each) => each.high !== 0) ? "constant" : "silent";
     const warning = `The ${what} is ${how}, so nothing was measured; check the sensor.`;
     return { warnings: [warning], empty: true };
   }
-  const warnings = measured.flatMap((each, axis) =>
-    each.low === each.high ? [`Axis ${axis + 1} of the ${what} is constant; check the sensor.`] : [],
-  );
-  const flat = Math.max(...measured.map((each) => (each.low === each.high ? 0 : each.flat)));
+  const most = (fault) => TOLERANCES[fault] * (ranges?.[fault]?.[1] ?? 0);
+  const warnings = [];
+  if (constant.filter(Boolean).length > most("constant")) {
+    constant.forEach((same, axis) => {
+      if (same) warnings.push(`Axis ${axis + 1} of the ${what} is constant; check the sensor.`);
+    });
+  }
+  const flat = Math.max(...measured.map((each, axis) => (constant[axis] ? 0 : each.flat)));
   const clipped = flat / axes[0].length;
-  if (flat >= MIN_FLAT && clipped >= FLAT_SHARE) {
+  if (flat >= MIN_FLAT && clipped >= FLAT_SHARE && clipped > most("clipped")) {
     warnings.push(
       `The ${what} is clipped, ${Math.round(clipped * 100)}% of it at its largest or smallest ` +
         "value; lower the sensor's gain.",
