@@ -23,7 +23,9 @@ NUMBER = re.compile(  # blanks divide no more than thousands
     r"(e[-+]?\d+|d[-+]\d+)?|[-+]?inf(inity)?",
     re.I,
 )
-QUANTITY = re.compile(rf"({NUMBER.pattern})\s*(?P<unit>[^\W\d_][^\d\s,;]{{0,5}}\d?|%|°\w?)", re.I)
+QUANTITY = re.compile(  # with a unit, which is no exponent: 5E-4
+    rf"({NUMBER.pattern})\s*(?P<unit>(?!e[-+]?\d)[^\W\d_][^\d\s,;]{{0,5}}\d?|%|°\w?)", re.I
+)
 VECTOR = re.compile(  # several numbers in a cell: (0.1, 0.2, 9.8)
     r"[(\[]\s*{0}(?:[,;\s]+{0})+\s*[)\]]".format(r"[-+]?[\d.]+(?:[eE][-+]?\d+)?")
 )

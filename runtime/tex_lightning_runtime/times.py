@@ -207,6 +207,9 @@ def even_samples(times: Array, samples: Array) -> Even:
         return _repeated(times, samples)
     if rate := _rounded_rate(times, steps):
         return Even(samples, rate)
+    drift, even = _line(np.arange(len(times)), times)
+    if _are_late(steps) and drift < MAX_DRIFT * (times[-1] - times[0]):
+        return Even(samples, 1 / even, ", some of which are late", _closed(steps, steps))
     step = float(steps[~_gaps(steps)].mean())
     count = round(float(times[-1] - times[0]) / step) + 1
     largest, notes = float(steps.max()), tuple[str, ...]()
@@ -233,6 +236,16 @@ def _gaps(steps: Array) -> Array:
     lost = np.mean(multiples > 1) < SELDOM
     even = (np.abs(steps - multiples * usual) < EVEN * usual).all()
     return np.asarray(multiples > 1 if even and lost else steps > GAP * usual)
+
+
+def _are_late(steps: Array) -> bool:
+    """Return whether long steps are of samples that came late, since hurried ones make up for them.
+
+    Nothing makes up for the time of samples that are missing.
+    """
+    usual = float(np.median(steps))
+    lost, made_up = (steps - usual)[steps > GAP * usual], (usual - steps)[GAP * steps < usual]
+    return bool(2 * made_up.sum() > lost.sum() > 0)
 
 
 def _rounded_rate(times: Array, steps: Array) -> float | None:
@@ -271,9 +284,12 @@ def _repeated(times: Array, samples: Array) -> Even:
             f"has times that repeat at sample {int(np.argmin(rises)) + 1} and leave gaps "
             "elsewhere; correct them, or delete that column and give data.file_rate"
         )
-    gap, batches = float(rises.max()), rises[rises > 0]
-    told = (
-        f"gaps in its times, the largest of {gap:.3g} s after sample {rises.argmax()}, are closed"
-    )
-    notes = (told,) if gap > GAP * np.quantile(batches, 1 - SELDOM) else ()
-    return Even(samples, 1 / step, f", which repeat within {gap:.3g} s", notes)
+    said = f", which repeat within {rises.max():.3g} s"
+    return Even(samples, 1 / step, said, _closed(rises, rises[rises > 0]))
+
+
+def _closed(steps: Array, usual: Array) -> tuple[str, ...]:
+    """Say of the largest step that it is a gap which is closed, if it is far beyond usual ones."""
+    gap = float(steps.max())
+    told = f"gaps in its times, the largest of {gap:.3g} s after sample {steps.argmax()}, are closed"
+    return (told,) if gap > GAP * np.quantile(usual, 1 - SELDOM) else ()

@@ -1579,6 +1579,23 @@ def test_coarse_times_give_the_rate(tmp_path):
         assert "repeat within" in reading.rate_from
 
 
+def test_samples_that_arrive_late_are_even(tmp_path):
+    block = np.array(NUMBERS) % 12
+    late = TIMES + np.where((block > 3) & (block < 8), (8 - block) * (1 / RATE - 2e-5), 0)
+    text = table(column(late, "{:.6f}"), *XYZ, names="time,x,y,z\n")
+    samples, rate, reading = read_table(write(tmp_path, text))
+    np.testing.assert_allclose(samples, AXES)
+    assert rate == pytest.approx(RATE, rel=0.01)
+    assert reading.rate_from == "times in 'time', some of which are late"
+
+
+def test_numbers_with_an_exponent_of_one_digit_have_no_unit(tmp_path):
+    cells = [cell if n % 3 else f"{float(cell) * 1e4:.4f}E-4" for n, cell in enumerate(X)]
+    samples, _, reading = read_table(write(tmp_path, table(cells, Y, names="x,y\n")))
+    np.testing.assert_allclose(samples, AXES[:2], atol=1e-9)
+    assert not reading.notes
+
+
 def test_an_axis_a_line(tmp_path):
     text = "\n".join(",".join(each) for each in XYZ)
     samples, _, reading = read_table(write(tmp_path, text))
