@@ -89,7 +89,8 @@ WRAPPED = (  # rows in brackets, or in quotes around several cells, or with a ma
         rb'([^"\n]*)"[ \t]*$'
     ),
     re.compile(
-        rb"(?m)^%b(?=[^,;\n]*,[^,;\n]*,|[^;\n]*\d[ \t|]+[-+.\d])([^;\n]*+);[ \t]*$" % NO_THOUSANDS
+        rb"(?m)^%b(?=[^,;\n]*,[^,;\n]*,|[-+]?\d+, ?[-+]?\d+;|[^;\n]*\d[ \t|]+[-+.\d])"
+        rb"([^;\n]*+);[ \t]*$" % NO_THOUSANDS
     ),
     re.compile(rb"(?m)^%b(?=[^,\n]*\d[ \t|;]+[-+.\d])([^,\n]*+),[ \t]*$" % NO_THOUSANDS),
 )

@@ -290,6 +290,6 @@ def _repeated(times: Array, samples: Array) -> Even:
 
 def _closed(steps: Array, usual: Array) -> tuple[str, ...]:
     """Say of the largest step that it is a gap which is closed, if it is far beyond usual ones."""
-    gap = float(steps.max())
-    told = f"gaps in its times, the largest of {gap:.3g} s after sample {steps.argmax()}, are closed"
+    gap, place = float(steps.max()), steps.argmax()
+    told = f"gaps in its times, the largest of {gap:.3g} s after sample {place}, are closed"
     return (told,) if gap > GAP * np.quantile(usual, 1 - SELDOM) else ()

@@ -1589,6 +1589,15 @@ def test_samples_that_arrive_late_are_even(tmp_path):
     assert reading.rate_from == "times in 'time', some of which are late"
 
 
+def test_marks_at_the_ends_of_rows_divide_no_whole_numbers(tmp_path):
+    text = table(*COUNTS[:2], end=";\n")
+    np.testing.assert_array_equal(read_table(write(tmp_path, text))[0], np.trunc(AXES[:2] * 5e4))
+    with pytest.raises(TableError, match="decimal commas or columns of whole numbers"):
+        read_table(write(tmp_path, text.replace("-", "")))
+    text = table(X, end=";\n", comma=True)
+    np.testing.assert_allclose(read_table(write(tmp_path, text))[0], AXES[:1])
+
+
 def test_numbers_with_an_exponent_of_one_digit_have_no_unit(tmp_path):
     cells = [cell if n % 3 else f"{float(cell) * 1e4:.4f}E-4" for n, cell in enumerate(X)]
     samples, _, reading = read_table(write(tmp_path, table(cells, Y, names="x,y\n")))
