@@ -46,6 +46,19 @@ def test_classes_in_folders_of_subjects_are_told_how_they_are_read(cli, tmp_path
     assert f"task=manifest data.root={tmp_path} pattern='{{group}}/{{label}}/*.wav'" in done.err
 
 
+def test_photos_below_folders_of_sessions_are_told_beside_the_tables_that_lie_in_these(
+    cli, tmp_path
+):
+    for session, label in itertools.product(("day1", "day2"), ("wood", "steel")):
+        frames = tmp_path / label / session / "frames"
+        frames.mkdir(parents=True)
+        (frames / "1.png").touch()
+        (frames.parent / "poses.csv").write_text("x\n1\n")
+    done = cli("model=visual", "data=folder", f"data.root={tmp_path}")
+    assert done.status == 2
+    assert f"task=manifest data.root={tmp_path} pattern='{{label}}/{{group}}/**/*.*'" in done.err
+
+
 def division(test: int | None, val: int | None = None, where: object = None) -> Folding:
     return Folding(10, test, val, False, None, where)
 

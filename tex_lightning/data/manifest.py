@@ -56,6 +56,7 @@ FILES = re.compile(  # a name of the only column of files, whose sense their suf
     r"(?!sound|audio|mic).*(path|(?<!pro)file|filename|imagename)"
 )
 META = ("meta", "metadata", "labels", "annotations")  # folders of tables beside their recordings
+LABELS = re.compile(r"\w*[a-z](label|class|category|material|surface|texture)|activity|gesture")
 SESSIONS = re.compile(  # names of conditions that groups may be
     r"(session|subject|participant|person|user|operator|patient|specimen|day|date)(s?|_?id|_?no)"
 )
@@ -156,9 +157,8 @@ def names_recordings(path: Path) -> Recordings | None:
     if path.suffix.lower() not in (".csv", ".tsv", ".txt") or not is_file(path):
         return None
     with path.open("rb") as stream:
-        first = stream.readline(HEAD).decode(errors="replace").lstrip("\ufeff").casefold()
-    cells = {*map(_joined, re.split(f"[{SEPARATORS}]", first))}
-    if not all(cells & {*MEANT[name]} for name in NEEDED):
+        first = stream.readline(HEAD).decode(errors="replace").lstrip("\ufeff")
+    if not any({*NEEDED} <= {*_names([first], mark)} for mark in SEPARATORS):
         return None
     try:
         table = read_manifest(path)
@@ -281,6 +281,9 @@ def _names(lines: Iterable[str], delimiter: str) -> list[str]:
         for known, others in MEANT.items()
         if known not in names and (found := next((o for o in others if o in plain), None))
     }
+    labels = [at for at, name in enumerate(plain) if LABELS.fullmatch(name)]
+    if len(labels) == 1 < len(names) and "label" not in (*names, *meant.values()):
+        meant[labels[0]] = "label"
     files = [at for at, name in enumerate(plain) if FILES.fullmatch(name)]
     alone = len(files) == 1 and not {*_wide(names)} - {names[files[0]]}
     if alone and "path" not in (*names, *meant.values()):

@@ -18,6 +18,7 @@ from tex_lightning.data.folds import (
     tested_part,
 )
 from tex_lightning.data.readers import read_recordings
+from tex_lightning.data.readers.folder import TOO_DEEP
 from tex_lightning.data.readers.layout import hint
 from tex_lightning.data.readers.vocabulary import rename
 from tex_lightning.data.recordings import MODALITIES, Recording, Recordings, normal_form
@@ -149,11 +150,12 @@ def open_dataset(data: DataConfig, senses: Sequence[Sense]) -> Dataset:
     recordings, unknown = hold_out(needed, data.hold_out)
     if len(recordings.classes) < 2:
         folders = " and ".join(f"{data.root}/CLASS/{name}" for name in modalities)
+        deeper = [note for note in rows.notes if note.startswith(TOO_DEEP)]
         raise UserError(
             f"The data has {' or '.join(modalities)} recordings of "
             f"{listed(recordings.classes) or 'no class'}, and telling classes apart takes two; "
             f"choose another model, or add recordings{(data.root and f' ({folders})') or ''}."
-            + "".join(f" {text}" for text in beside)
+            + "".join(f" {text}" for text in (*deeper, *beside))
         )
     dataset = Dataset.decode(recordings, unknown, store, recordings.classes)
     return replace(dataset, condition_bins=condition_bins(needed))

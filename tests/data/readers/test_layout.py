@@ -101,6 +101,8 @@ def test_parts_of_names_in_one_folder_are_told(tmp_path, levels, told):
         ([*crossed("Train Val Test other", ending="oak_1.csv"), "Train/elm_1.csv"], "elm oak"),
         (["oak_1.png", "elm_1.png", *crossed("plots", ending="oak_1.png")], "elm oak"),
         (crossed("ann bob", "oak_1 elm_1", ending="day1_2.5.csv"), "elm_1 oak_1"),
+        (crossed("image mask", "oak elm", ending="1.jpg"), "elm oak"),
+        (crossed("set", "01 02", ending="0_01_1.wav|1_01_1.wav|0_01_2.wav|1_01_2.wav"), "0 1"),
     ],
 )  # fmt: skip
 def test_one_of_the_patterns_that_are_told_has_the_classes(tmp_path, files, labels):
@@ -158,10 +160,50 @@ def test_a_pattern_groups_pieces_and_takes_no_versions_nor_photos_of_signals(tmp
     root = touch(tmp_path / "b", *(f"test/{name}.csv" for name in names), "test/oak_1.wav")
     table, _ = read_names(root, "{split}/{label}_{group}.*")
     assert [row.path.name for row in table] == ["elm_1.csv", "oak_1.csv", "oak_1.wav"]
-    assert [note[:5] for note in table.notes] == ["3 fil", "1 rec"]
+    assert [note[:5] for note in table.notes] == ["2 fil", "1 rec"]
+    assert [row.path.name for row in read_names(root, "test/{label}_*_meta.csv")[0]] == [
+        "oak_1_meta.csv"
+    ]
     root = touch(tmp_path / "c", "oak/day1/haptic/1.wav", "oak/day1/haptic/1.png")
     table, others = read_names(root, "{label}/*/{modality}/*")
     assert (len(table), others) == (1, ["oak/day1/haptic/1.png"])
+
+
+def test_stars_stand_for_any_folders_or_none(tmp_path):
+    files = ("elm/1.csv", "oak/s1/1.csv", "oak/s1/deep/2.csv")
+    table, others = read_names(touch(tmp_path, *files, "x.csv"), "{label}/**/*.csv")
+    assert [(row.label, row.path.relative_to(tmp_path).as_posix()) for row in table] == [
+        (file.split("/")[0], file) for file in files
+    ]
+    assert others == ["x.csv"]
+    table, _ = read_names(tmp_path, "{label}/{group}/**/*.csv")
+    assert [row.group for row in table] == ["s1", "s1"]
+
+
+@pytest.mark.parametrize(
+    "files",
+    [["oak/1.csv", *crossed("elm ash", "6g 10g")],
+     ["oak/s1/1.csv", *crossed("elm ash", "s1 s2", "a b")],
+     ["oak/1.csv", *crossed("elm", "6g"), *crossed("ash", "ball cage", "6g")]],
+)  # fmt: skip
+def test_classes_of_folders_of_different_depths_are_told_by_one_pattern(tmp_path, files):
+    root = touch(tmp_path, *files)
+    told = next(note for note in read_folder(root).notes if note.startswith("Too deep"))
+    table, others = read_names(root, patterns(told, root)[0])
+    assert others == []
+    assert {(row.label, row.path.relative_to(root).as_posix()) for row in table} == {
+        (file.split("/")[0], file) for file in files
+    }
+
+
+def test_a_pattern_without_a_group_tells_the_part_that_names_share(tmp_path):
+    names = (f"{split}/{label}/{label}_{n}_jpg.rf.{n}{copy}.jpg" for split in ("train", "valid")
+             for label in ("oak", "elm") for n in "12" for copy in "ab")  # fmt: skip
+    touch(tmp_path, *names)
+    (note,) = read_names(tmp_path, "{split}/{label}/*.jpg")[0].notes
+    assert read_as_told(tmp_path, note) == [["elm 1", "elm 2", "oak 1", "oak 2"]]
+    assert read_names(tmp_path, "{group}/{label}/*.jpg")[0].notes == ()
+    assert read_names(tmp_path, "{split}/{label}/{take}.jpg")[0].notes == ()
 
 
 def test_a_class_called_as_a_version_is_none(tmp_path):
@@ -443,6 +485,18 @@ def test_a_table_of_labels_is_told_and_read(tmp_path):
     (flat / "labels.csv").write_text(LABELS)
     with pytest.raises(UserError, match="no folder for each class, but the table labels"):
         read_folder(flat)
+
+
+@pytest.mark.parametrize("name", ["scene_label", "Activity", "terrain class", "Surface Material"])
+def test_columns_of_labels_have_names_with_more_words(tmp_path, name):
+    touch(tmp_path, "1.wav", "2.wav")
+    (tmp_path / "all.csv").write_text(LABELS.replace("Material", name))
+    with pytest.raises(UserError, match="no folder for each class, but the table all"):
+        read_folder(tmp_path)
+    assert read_manifest(tmp_path / "all.csv").classes == ["elm", "oak"]
+    (tmp_path / "all.csv").write_text(f"file;sublabel;{name}\n1.wav;a;oak\n")
+    with pytest.raises(UserError, match="has no column label"):
+        read_manifest(tmp_path / "all.csv")
 
 
 @pytest.mark.parametrize("folder", ["audio", "audio/fold1"])

@@ -217,7 +217,8 @@ def _rank(values: Sequence[str], *, last: bool) -> int | None:
         return None
     if all(re.fullmatch(r"[\da-f]{8,}|(\d+-){2}\d+", name, re.I) for name in names):
         return 0
-    if are_people(names) and not TAKES.fullmatch(names[0]):
+    coded = all(re.fullmatch(r"[a-z]\d{1,3}", name, re.I) for name in names)  # as f1 and m1
+    if (coded or are_people(names)) and not any(map(TAKES.fullmatch, names)):
         return 0
     plain = all(name.isdecimal() for name in names) or not re.search(r"\d", "".join(names))
     return 1 if (plain or are_people(names)) and not last else None

@@ -67,6 +67,7 @@ CURES = {
     **dict.fromkeys((".heic", ".heif", ".avif", ".gif", ".jp2", ".jxl"), TO_PHOTO),
     **dict.fromkeys((".raw", ".dng", ".cr2", ".cr3", ".nef", ".arw"), TO_PHOTO),
 }  # of files that are not read, by suffix
+TOO_DEEP = "Too deep and not read"  # begins a note
 ABOUT = (".json", ".xml")  # which beside recordings are about these
 BESIDE = {"haptic": TRACE_SUFFIXES, "image": IMAGE_SUFFIXES}  # of files in the folder of a class
 
@@ -145,7 +146,8 @@ def read_folder(root: str | Path) -> Recordings:
         )
     notes += pieces(rows)
     if deeper:
-        notes.append(f"Too deep and not read: {count_kinds(deeper)}; {advise(root, deeper)}.")
+        told = advise(root, [*deeper, *(row.path for row in rows)])
+        notes.append(f"{TOO_DEEP}: {count_kinds(deeper)}; {told}.")
     check_sensors(root, rows)
     table = without_versions(root, rows)
     notes += (*counted, *table.notes, *doubts(root, table.rows), *parts_apart(root, table.rows))
@@ -213,7 +215,6 @@ def _nothing_in(root: Path, others: Sequence[Path], counted: Sequence[str]) -> s
         )
     if recorded:
         patterns = flat_patterns(recorded)
-        patterns = patterns if len(patterns) > 1 else [((), each) for _, each in patterns]
         told = f"{by_pattern(root, *patterns)}, or with a pattern that fits their names better"
         remedy = told if patterns else "give their classes in a manifest (docs/data.md, Manifest)"
         return (

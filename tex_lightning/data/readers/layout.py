@@ -8,7 +8,7 @@ reads it.
 import re
 import shlex
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from tex_lightning.core.files import resolved
@@ -23,7 +23,9 @@ from tex_lightning.data.readers.file_names import (
 )
 from tex_lightning.data.readers.vocabulary import (
     ASIDE,
+    PLAIN,
     SPLITS,
+    VERSIONS,
     are,
     are_numbered,
     are_people,
@@ -43,15 +45,13 @@ def by_pattern(root: Path, *patterns: tuple[Sequence[str], str]) -> str:
 
     Args:
         root: The folder.
-        patterns: The classes, empty where they are not in doubt, and the pattern.
+        patterns: The classes, where there are several and they are in doubt, and the pattern.
     """
     folder = shlex.quote(f"data.root={root}")
-    patterns = tuple((classes, _named_once(pattern)) for classes, pattern in patterns)
-    told = [
-        f"{f'if {listed(classes)} are the classes, ' if classes else ''}run task=manifest {folder} "
-        f"pattern='{pattern}'"
-        for classes, pattern in patterns
-    ]
+    told = []
+    for classes, pattern in patterns:
+        which = f"if {listed(classes)} are the classes, " if len(classes) > 1 else ""
+        told.append(f"{which}run task=manifest {folder} pattern='{_named_once(pattern)}'")
     return f"{'; '.join(told)}, and train with data=manifest"
 
 
@@ -71,15 +71,43 @@ def advise(root: Path, paths: Sequence[Path], name: str = "*") -> str:
     """
     if named := _named_in(root, paths):
         return named
-    folders = {path: path.relative_to(root).parts[:-1] for path in paths}
+    folders = _of_recordings({path: path.relative_to(root).parts[:-1] for path in paths})
+    depths = Counter(map(len, folders.values()))
+    depth = min(depths, key=lambda depth: (-depths[depth], depth))  # of most recordings
+    files = {path: parts for path, parts in folders.items() if len(parts) == depth}
+    levels = [[*dict.fromkeys(each)] for each in zip(*files.values(), strict=True)]
+    patterns = [] if len(depths) == 1 else _deep_patterns(folders, min(depths), name)
+    patterns += _patterns([*files], levels, name)
+    return by_pattern(root, *patterns)
+
+
+def _deep_patterns(
+    folders: Mapping[Path, Sequence[str]], depth: int, name: str
+) -> list[tuple[Sequence[str], str]]:
+    """Return patterns of files in as many folders and more, whose classes are folders."""
+    above = zip(*(parts[:depth] for parts in folders.values()), strict=True)
+    levels = [[*dict.fromkeys(each)] for each in above]
+    return [
+        (levels[at], "/".join([*tokens_of(levels, at), "**", f"{name}{path_ending([*folders])}"]))
+        for at in levels_of_words(levels)
+        if not any(map(is_sense, levels[at]))
+    ]
+
+
+def _of_recordings(folders: Mapping[Path, Sequence[str]]) -> Mapping[Path, Sequence[str]]:
+    """Return the folders of files without those that are results, or masks beside images.
+
+    Args:
+        folders: Names of the folders above each file.
+    """
     aside = ASIDE - SPLITS
     kept = {p: f for p, f in folders.items() if not any(is_called(part, aside) for part in f)}
-    depths = Counter(map(len, (kept or folders).values()))
-    depth = min(depths, key=lambda depth: (-depths[depth], depth))  # of most recordings
-    files = {path: parts for path, parts in (kept or folders).items() if len(parts) == depth}
-    levels = [[*dict.fromkeys(each)] for each in zip(*files.values(), strict=True)]
-    patterns = _patterns([*files], levels, name)
-    return by_pattern(root, *(patterns if len(patterns) > 1 else [((), patterns[0][1])]))
+    for level in range(min(map(len, kept.values()), default=0)):
+        names = {parts[level] for parts in kept.values()}
+        versions = {part for part in names if is_called(part, VERSIONS - PLAIN)}
+        if versions < names and all(map(is_sense, names - versions)):
+            kept = {p: f for p, f in kept.items() if f[level] not in versions}
+    return kept or folders
 
 
 def _patterns(
@@ -106,7 +134,7 @@ def _patterns(
         (classes, pattern)
         for classes, pattern in flat_patterns(files)
         if name.strip("*") in pattern and {*map(str.casefold, classes)} not in known
-        and not (are_numbered(classes) and any(len(plain[n]) > 1 for n in free))
+        and not (found and are_numbered(classes))
     ]  # fmt: skip
     numbered = [] if found else [n for n in free if len(plain[n]) > 1]
     if not (found or names or numbered):
@@ -139,7 +167,7 @@ def hint(root: str | None, rows: Iterable[Recording]) -> list[str]:
     text = _named_in(folder, paths) if paths else ""
     apart = not alone or len({path.parent for path in paths}) > 1
     if (deep and apart) or (alone and flat_patterns(paths)):
-        text = advise(folder, deep or paths)
+        text = advise(folder, paths)
     return [f"{text[:1].upper()}{text[1:]}."] if text else []
 
 

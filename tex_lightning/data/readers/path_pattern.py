@@ -10,8 +10,13 @@ from tex_lightning.data.manifest import FOLD, KNOWN, PART, RATE, modality_by_suf
 from tex_lightning.data.readers.file_names import uncut
 from tex_lightning.data.readers.folder import suffixes_of
 from tex_lightning.data.readers.layout import formats
-from tex_lightning.data.readers.siblings import check_sensors, pieces, without_versions
-from tex_lightning.data.readers.vocabulary import is_about
+from tex_lightning.data.readers.siblings import (
+    check_sensors,
+    made_together,
+    pieces,
+    without_versions,
+)
+from tex_lightning.data.readers.vocabulary import is_about, words
 from tex_lightning.data.recordings import (
     Recording,
     Recordings,
@@ -23,7 +28,7 @@ from tex_lightning_runtime.files import natural_key
 from tex_lightning_runtime.photos import IMAGE_SUFFIXES
 from tex_lightning_runtime.traces import TRACE_SUFFIXES, stands_for_all
 
-FIELD = re.compile(r"\{([^{}]*)\}|(\*)")
+FIELD = re.compile(r"\{([^{}]*)\}|(\*\*/|\*)")
 LABEL, GROUP, MODALITY = "label", "group", "modality"
 
 
@@ -35,9 +40,10 @@ def read_names(root: Path, pattern: str) -> tuple[Recordings, list[str]]:
         pattern: Path below the folder, such as ``{label}/{person}_{group}.wav``. What stands for
             ``{label}`` is the class, and may have the separators; for ``{group}``, ``{modality}``,
             ``{rate}`` and ``{fold}`` the columns of a manifest; for others conditions. ``*`` is
-            anything, and what follows another directly is a number. Without ``{modality}`` the
-            suffix tells it, and without ``{group}`` files of one name, whatever their suffix and
-            modality, are a group, as are pieces of one recording, ``r1_seg01`` and ``r1_seg02``.
+            anything, ``**/`` any folders, and what follows another directly is a number. Without
+            ``{modality}`` the suffix tells it, and without ``{group}`` files of one name, whatever
+            their suffix and modality, are a group, as are pieces of one recording, ``r1_seg01`` and
+            ``r1_seg02``.
 
     Raises:
         UserError: If the pattern cannot be used, or no name fits.
@@ -55,7 +61,7 @@ def read_names(root: Path, pattern: str) -> tuple[Recordings, list[str]]:
     wanted, rows, others = _compiled(pattern), [], []
     for path in _files(root):
         name = path.relative_to(root).as_posix()
-        about = is_about(path) and path.stem not in pattern  # of the recordings
+        about = is_about(path) and words(path.stem)[-1] not in words(pattern)  # of the recordings
         match = None if about else wanted.fullmatch(name)
         row = match and _recording(path, name, match.groupdict())
         if row and path.suffix.lower() in suffixes_of(row.modality):
@@ -72,7 +78,10 @@ def read_names(root: Path, pattern: str) -> tuple[Recordings, list[str]]:
         rows = _with_pieces_together(rows)
     check_sensors(root, rows)
     table = without_versions(root, rows)
-    return replace(table, notes=(*table.notes, *pieces(table.rows), *formats(table.rows))), others
+    notes = [*table.notes, *pieces(table.rows), *formats(table.rows)]
+    if (free := re.fullmatch(r"(.+/)\*(\.(\w+|\*))?", pattern)) and f"{{{GROUP}}}" not in pattern:
+        notes += made_together(root, table.rows, free[1])
+    return replace(table, notes=tuple(notes)), others
 
 
 def _with_pieces_together(rows: Sequence[Recording]) -> list[Recording]:
@@ -113,7 +122,8 @@ def _compiled(pattern: str) -> re.Pattern[str]:
         only = rf"[^/{beside}]+" if match[1] != LABEL else "[^/]+"
         if match.start() and pattern[match.start() - 1] == "}":  # a number directly behind a name
             only = r"(?<!\d)\d+"
-        parts.append("[^/]*" if match[2] else f"(?P<{match[1]}>{only})")
+        anything = "(?:.*/)?" if match[2] == "**/" else "[^/]*"
+        parts.append(anything if match[2] else f"(?P<{match[1]}>{only})")
     return re.compile("".join([*parts, re.escape(pattern[end:])]))
 
 

@@ -17,7 +17,6 @@ from tex_lightning.data.readers.vocabulary import (
     PLAIN,
     SPLITS,
     VERSIONS,
-    are_numbered,
     is_called,
     words,
 )
@@ -151,25 +150,30 @@ def pieces(rows: Sequence[Recording]) -> list[str]:
 
 def parts_apart(root: Path, rows: Sequence[Recording]) -> list[str]:
     """Say which files may be of one person, recording or test, or tell a class by their kind."""
-    return [*_made_together(root, rows), *_splits(rows), *_kinds(rows)]
+    return [*made_together(root, rows), *_splits(rows), *_kinds(rows)]
 
 
-def _made_together(root: Path, rows: Sequence[Recording]) -> list[str]:
-    """Say which part several names of a class share: a person, a session or a recording."""
+def made_together(root: Path, rows: Sequence[Recording], above: str = "") -> list[str]:
+    """Say which part several names of a class share: a person, a session or a recording.
+
+    Args:
+        root: Folder of the data set.
+        rows: The recordings.
+        above: Pattern of the folders above them, by which they were read; empty if by classes.
+    """
     for modality in dict.fromkeys(row.modality for row in rows):
         alike = [row for row in rows if row.modality == modality]
         labels = [row.label for row in alike]
         found = shared_part([row.path for row in alike], labels) if len({*labels}) > 1 else None
-        if found and not _told_as_classes(found[0], alike):
+        if found and (above or not _told_as_classes(found[0], alike)):
             values, first, name = found
             told = listed([*values[:MAX_SHARED], *["…"][: len(values) - MAX_SHARED]])
-            folders = alike[first].path.relative_to(root).parts[1:-1]
-            inside = "".join(f"{sense_token(part)}/" for part in folders)
+            inside = map(sense_token, alike[first].path.relative_to(root).parts[1:-1])
+            folders = above or "".join(f"{part}/" for part in ("{label}", *inside))
             return [
-                f"{alike[first].path} and others share {told} in their names with files "
-                "of their class, and are in groups of their own; if one such part is one person, "
-                "session or recording, "
-                f"{by_pattern(root, ((), f'{{label}}/{inside}{name}'))}."
+                f"{alike[first].path} and others share {told} in their names with files of their "
+                "class, and are in groups of their own; if one such part is one person, session or "
+                f"recording, {by_pattern(root, ((), folders + name))}."
             ]
     return []
 
@@ -177,7 +181,8 @@ def _made_together(root: Path, rows: Sequence[Recording]) -> list[str]:
 def _told_as_classes(values: Sequence[str], rows: Sequence[Recording]) -> bool:
     """Return whether people, who are folders, are told to be no classes, but what is shared is."""
     known = (classes for classes, _ in classes_in_names(rows))
-    return are_numbered([*{row.label for row in rows}]) and {*values} in map(set, known)
+    coded = all(re.search(r"\d", row.label) for row in rows)
+    return coded and {*values} in map(set, known)
 
 
 def _splits(rows: Sequence[Recording]) -> list[str]:

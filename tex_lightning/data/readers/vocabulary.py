@@ -33,6 +33,7 @@ READ_ME = {  # text and tables beside recordings, of any suffix
     "annotation", "annotations", "comments", "description", "protocol", "summary", "changelog",
     "classes", "params", "session_info", "trial_info", "experiment_log",
 }  # fmt: skip
+ABOUT = {"meta", "metadata", "info", "about", "readme", "license"}  # ends of names of such files
 MEANT = {  # names of folders and of modalities that are none of the package's
     **dict.fromkeys(("acc", "accel", "acceleration", "accelerometer", "vibration", "tactile",
                      "touch", "trace", "signal", "movement"), "haptic"),
@@ -64,7 +65,8 @@ def is_called(name: str, known: set[str]) -> bool:
 def is_about(path: Path) -> bool:
     """Return whether a file is about the recordings beside it, by its name."""
     name = path.stem.casefold()
-    return name in READ_ME or name.replace("_", "").startswith("readme")
+    named = name in READ_ME or name.replace("_", "").startswith("readme")
+    return named or words(path.stem)[-1:] in [[word] for word in ABOUT]
 
 
 def are(names: Sequence[str], known: set[str]) -> bool:
