@@ -18,7 +18,7 @@ import numpy as np
 from tex_lightning_runtime.hdf5 import NUMBERS, is_hdf5, read_hdf5
 from tex_lightning_runtime.resampling import MAX_RATE, MIN_RATE
 from tex_lightning_runtime.samples import Array, axes_first
-from tex_lightning_runtime.stated_rates import PERIOD, stated_rate
+from tex_lightning_runtime.stated_rates import PERIOD, RATE, stated_rate
 
 HDF5 = (".h5", ".hdf5")
 ARCHIVES = (".npz", ".mat", *HDF5)
@@ -102,18 +102,20 @@ def _leaf(name: str) -> str:
 def _rate(arrays: Mapping[str, Array]) -> float | None:
     """Return the rate in Hz that single numbers or texts state by name, as lines above a table do.
 
-    None if there is none, or several. A text begins with the number, so that prose is none, and a
-    step of ``x`` may be one of length.
+    None if there is none, or several; ``rate`` beside ``fs`` is that of something else. A text
+    begins with the number, so that prose is none, and a step of ``x`` may be one of length.
     """
-    rates = set()
+    sure, rates = set[float](), set[float]()
     for name, each in ((_leaf(name), each) for name, each in arrays.items() if each.size == 1):
         value = str(each.item())[:LONGEST] if each.dtype.kind == "U" else f"{each.item():.9e}"
         rate = stated_rate([line := f"{name} = {value}"])
         is_rate = rate and (MIN_RATE <= rate <= MAX_RATE or not PERIOD.search(line))
         other = not value[:1].isdigit() or re.fullmatch("freq|.*x.*", name.casefold())
         if is_rate and not other:
-            rates.add(float(f"{rate:.9g}"))
-    return rates.pop() if len(rates) == 1 else None
+            of_samples = RATE.search(line) or PERIOD.search(line)
+            (sure if of_samples else rates).add(float(f"{rate:.9g}"))
+    told = sure or rates
+    return told.pop() if len(told) == 1 else None
 
 
 def _numbers(array: Array) -> Array:

@@ -59,6 +59,12 @@ def test_arrays_of_one_length_are_columns_of_a_table(tmp_path, suffix, arrays, a
     np.testing.assert_array_equal(chosen, samples[-1])
 
 
+def test_a_rate_called_as_one_counts_before_one_that_may_be_of_something_else(tmp_path):
+    file = tmp_path / "bearing.mat"  # a shaft turns 25 times a second
+    savemat(file, {"bearing": {"sr": 48828, "rate": 25, "load": 270, "gs": SAMPLES}})
+    assert read_samples(file).rate == 48828
+
+
 @pytest.mark.parametrize(
     "given", [{"fs": x} for x in (0.0, -800.0, np.nan, np.inf)] + [{"fs": 800, "sr": 900}]
 )
