@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import pytest
-from hydra._internal import config_loader_impl
+from hydra._internal import config_loader_impl, defaults_list
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra._internal.config_repository import ConfigRepository, IConfigRepository
 from hydra._internal.defaults_list import DefaultsList
@@ -33,6 +33,7 @@ def compose_once(patch: pytest.MonkeyPatch) -> None:
     list_defaults = config_loader_impl.create_defaults_list
     merge = ConfigLoaderImpl._compose_config_from_defaults_list
     load, files = ConfigRepository.load_config, dict[str, bytes]()
+    choices = defaults_list._create_interpolation_map
 
     def once_loaded(self: ConfigRepository, config_path: str) -> ConfigResult | None:
         if not _is_own(self):
@@ -66,14 +67,23 @@ def compose_once(patch: pytest.MonkeyPatch) -> None:
             return merge(self, defaults, repo)
         key = repr(defaults)
         if key not in merged:
-            merged[key] = pickle.dumps(merge(self, defaults, repo))
+            with pytest.MonkeyPatch.context() as alone:  # parents once, and not for each file
+                alone.setattr(DictConfig, "_re_parent", lambda _: None)
+                config = merge(self, defaults, repo)
+            config._re_parent()
+            merged[key] = pickle.dumps(config)
         found: DictConfig = pickle.loads(merged[key])
         return found
+
+    def mapped_if_read(overrides: Any, found: list[Any], self_added: bool) -> DictConfig | None:
+        read = any(each.is_interpolation() for each in found)
+        return choices(overrides, found, self_added) if read else None
 
     # with each composition Hydra copies the registered schemas, which it does not change
     patch.setattr(ConfigStore, "__deepcopy__", lambda store, _: store, raising=False)
     patch.setattr(ConfigRepository, "load_config", once_loaded)
     patch.setattr(config_loader_impl, "create_defaults_list", once_listed)
+    patch.setattr(defaults_list, "_create_interpolation_map", mapped_if_read)
     patch.setattr(ConfigLoaderImpl, "_compose_config_from_defaults_list", once_merged)
 
 
