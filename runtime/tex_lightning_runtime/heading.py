@@ -78,14 +78,17 @@ def _are_names(cells: Sequence[str], columns: Kinds) -> bool:
     """Return whether cells are as many as columns, some of them text and none a measurement."""
     kinds = [*map(kind, cells)]
     plain = [UNNUMBERED.sub("", cell.casefold()) for cell in cells[: columns.count]]
-    titles = [FRACTION.sub("", each) for each in plain if FRACTION.search(each)]
-    numbered = len(titles) > 1 and {*titles} == {titles[0] or None}  # ch 1.1, ch 1.2
+    found = [each for each in map(FRACTION.search, plain) if each]
+    begins = {each.string[: each.end()] for each in found}  # imu-1.5:x, imu-1.5:y
+    rests = {each.string.replace(each[0], "") for each in found}  # ch 1.1, ch 1.2
+    device = len(begins) == 1 and min(begins)[0].isalpha()
+    numbered = len(found) > 1 and (device or (len(rests) == 1 and rests != {""}))
     return (
         len(cells) in (columns.count, len(columns.kinds))
         and not _are_settings(cells)
         and "text" in kinds
         and "stamp" not in kinds
-        and (not titles or numbered)
+        and (not found or numbered)
         and not _are_values(cells, columns)
     )
 
