@@ -50,6 +50,8 @@ def crossed(*levels, ending="1.wav"):
         (crossed("oak elm", "raw filtered"), ["elm elm/raw/1", "oak oak/raw/1"]),
         (crossed("oak elm", "train test"),
          ["elm elm/test/1", "elm elm/train/1", "oak oak/test/1", "oak oak/train/1"]),
+        ([f"{each}/{each}-2026-05-0{day}/1.wav" for each in ("oak", "elm") for day in "12"],
+         [f"{each} {each}-2026-05-0{day}" for each in ("elm", "oak") for day in "12"]),
         (crossed("results", "elm") + crossed("s1 s2", "oak elm"),
          ["elm results", "elm s1", "elm s2", "oak s1", "oak s2"]),
     ],
@@ -408,9 +410,30 @@ def test_a_part_that_names_of_a_class_share_may_be_a_person_or_recording(tmp_pat
     files = (f"{label}/haptic/{name.replace('CLASS', label)}.wav"
              for label in ("red_oak", "elm") for name in divided)  # fmt: skip
     note = read_folder(touch(tmp_path, *files)).notes[-1]
-    assert f" share {', '.join(groups.split())} in their names with files of their class" in note
+    assert f" share {', '.join(groups.split())} in their names, and are" in note
     expected = [f"{label} {group}" for label in ("elm", "red_oak") for group in groups.split()]
     assert read_as_told(tmp_path, note) == [expected]
+
+
+def test_people_who_are_not_in_all_classes_are_told(tmp_path):
+    files = ("walk/S01.csv", "walk/S02.csv", "run/S01.csv", "sit/S02.csv", "sit/S01.csv")
+    (note,) = read_folder(touch(tmp_path, *files)).notes
+    assert read_as_told(tmp_path, note) == [
+        ["run S01", "sit S01", "sit S02", "walk S01", "walk S02"]
+    ]
+    assert read_folder(touch(tmp_path, "run/S02.csv")).notes == ()  # folds take the n-th of each
+
+
+def test_a_few_files_of_other_names_hide_no_part_that_the_others_share(tmp_path):
+    names = [f"S0{person}_{take}" for person in (1, 2, 3) for take in (1, 2, 3, 4)]
+    touch(
+        tmp_path,
+        *(f"{label}/{name}.csv" for label in ("oak", "elm") for name in names),
+        "oak/x.csv",
+    )
+    (note,) = read_folder(tmp_path).notes
+    assert "share S01, S02, S03 in their names" in note
+    assert len(read_as_told(tmp_path, note)[0]) == 6
 
 
 @pytest.mark.parametrize(
@@ -433,6 +456,23 @@ def test_parts_in_the_names_of_files_are_told(tmp_path, form):
     note = read_folder(tmp_path).notes[-1]
     assert re.match(r"The names of files have (test|train), (train|val), which folds do no", note)
     assert read_folder(touch(tmp_path, f"{files[0]}/../other.wav")).notes == ()
+
+
+def test_lists_of_what_is_trained_on_and_tested_are_told(tmp_path):
+    root = touch(tmp_path, "img/oak/1.jpg", "img/elm/2.jpg", "train.txt", "test/x.txt")
+    (root / "notes.txt").write_text("oak/1.jpg\n")
+    (root / "test_about.txt").write_text("/ is the root, see oak/1.jpg\n")
+    assert read_folder(root / "img").notes == read_names(root, "*/{label}/*.jpg")[0].notes == ()
+    (root / "testing_list.txt").write_text("oak/1.jpg 0\n")
+    (note,) = read_names(root, "*/{label}/*.jpg")[0].notes
+    assert note.startswith("testing_list.txt names recordings to train or test on, which folds do")
+    (root / "labels").mkdir()
+    (root / "labels" / "val1.txt").write_text("img/elm/2\n")
+    (note,) = read_names(root, "*/{label}/*.jpg")[0].notes
+    assert note.startswith("testing_list.txt and 1 more list name recordings to train or test on")
+    root = touch(tmp_path / "b", "oak/1.jpg", "elm/2.jpg")
+    (root / "validation.txt").write_text("elm/2\n")
+    assert [each[:20] for each in read_folder(root).notes] == ["validation.txt names"]
 
 
 @pytest.mark.parametrize(

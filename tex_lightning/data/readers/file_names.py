@@ -19,6 +19,7 @@ from tex_lightning.data.readers.vocabulary import (
 )
 from tex_lightning_runtime.files import natural_key
 
+MOST = 0.8  # of the names, which have as many parts
 MARKS = "_- ."  # between the parts of a name
 PERSON = re.compile(
     r"(s|p|sub|subj|subject|participant|person|proband|user|actor|volunteer|patient|operator|session"
@@ -179,35 +180,44 @@ def shared_part(paths: Sequence[Path], labels: Sequence[str]) -> tuple[list[str]
         own[label].sub("*", PIECE.sub("", path.stem))
         for path, label in zip(paths, labels, strict=True)
     ]
-    ending = "*" * any(PIECE.search(path.stem) for path in paths) + path_ending(paths)
     found = []
     for mark in MARKS:
-        names = [stem.split(mark) for stem in stems]
-        levels = [*zip(*names, strict=True)] if len({*map(len, names)}) == 1 else []
+        sizes = Counter(stem.count(mark) for stem in stems)
+        size, count = sizes.most_common(1)[0]
+        alike = [at for at, stem in enumerate(stems) if stem.count(mark) == size]
+        names = [stems[at].split(mark) for at in alike] if count >= MOST * len(stems) else []
+        levels = [*zip(*names, strict=True)]
+        own_labels = [labels[at] for at in alike]
         for at, level in enumerate(levels):
             rank = _rank(level, last=at == len(levels) - 1)
-            if rank is not None and _recur(stems, labels, level):
+            if rank is not None and _recur(names, own_labels, level):
                 tokens = [values[0] if _are_one(values) else "*" for values in levels]
                 tokens[at] = "{group}"
-                found.append((rank, level, mark.join(tokens) + ending))
+                found.append((rank, level, [*alike], mark.join(tokens)))
     if not found:
         return None
-    _, level, pattern = min(found, key=itemgetter(0))
-    counts = Counter(pairs := [*zip(labels, level, strict=True)])
-    return (
-        sorted({*level}, key=natural_key),
-        [counts[pair] > 1 for pair in pairs].index(True),
-        pattern,
-    )
+    _, level, alike, pattern = min(found, key=itemgetter(0))
+    counts = Counter(level)
+    first = next(at for at, value in zip(alike, level, strict=True) if counts[value] > 1)
+    ends = [paths[at] for at in alike]
+    pattern += "*" * any(PIECE.search(path.stem) for path in ends) + path_ending(ends)
+    return sorted({*level}, key=natural_key), first, pattern
 
 
-def _recur(stems: Sequence[str], labels: Sequence[str], values: Sequence[str]) -> bool:
-    """Return whether most files share a value with others of their class, but not with all."""
-    files = {*zip(labels, values, stems, strict=True)}
+def _recur(names: Sequence[Sequence[str]], labels: Sequence[str], values: Sequence[str]) -> bool:
+    """Return whether most files share a value with others of their class, but not with all.
+
+    People may as well be those of other classes, if not all of them are in each.
+    """
+    files = {*zip(labels, values, map(tuple, names), strict=True)}
     counts = Counter((label, value) for label, value, _ in files)
     several = Counter(label for label, _ in counts)
     alike = [pair for pair, count in counts.items() if count > 1 and several[pair[0]] > 1]
-    return sum(counts[pair] for pair in alike) > len(files) / 2
+    if sum(counts[pair] for pair in alike) > len(files) / 2:
+        return True
+    people = Counter(value for _, value in counts)  # with the number of their classes
+    named = all(map(PERSON.fullmatch, people))
+    return named and max(people.values()) > 1 and min(people.values()) < len({*labels})
 
 
 def _rank(values: Sequence[str], *, last: bool) -> int | None:

@@ -75,10 +75,17 @@ def advise(root: Path, paths: Sequence[Path], name: str = "*") -> str:
     depths = Counter(map(len, folders.values()))
     depth = min(depths, key=lambda depth: (-depths[depth], depth))  # of most recordings
     files = {path: parts for path, parts in folders.items() if len(parts) == depth}
-    levels = [[*dict.fromkeys(each)] for each in zip(*files.values(), strict=True)]
+    levels = [[*dict.fromkeys(each)] for each in zip(*map(_own, files.values()), strict=True)]
     patterns = [] if len(depths) == 1 else _deep_patterns(folders, min(depths), name)
     patterns += _patterns([*files], levels, name)
     return by_pattern(root, *patterns)
+
+
+def _own(parts: Sequence[str]) -> list[str]:
+    """Return the names of folders without that above: of oak/oak-2026-05-01 the date remains."""
+    pairs = zip(["", *parts], parts, strict=False)
+    return [name.removeprefix(above) if re.match(rf"{re.escape(above)}[\W_]", name) else name
+            for above, name in pairs]  # fmt: skip
 
 
 def _deep_patterns(

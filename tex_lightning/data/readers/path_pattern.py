@@ -14,6 +14,7 @@ from tex_lightning.data.readers.siblings import (
     check_sensors,
     made_together,
     pieces,
+    split_lists,
     without_versions,
 )
 from tex_lightning.data.readers.vocabulary import is_about, words
@@ -79,6 +80,7 @@ def read_names(root: Path, pattern: str) -> tuple[Recordings, list[str]]:
     check_sensors(root, rows)
     table = without_versions(root, rows)
     notes = [*table.notes, *pieces(table.rows), *formats(table.rows)]
+    notes += split_lists(root, table.rows)
     if (free := re.fullmatch(r"(.+/)\*(\.(\w+|\*))?", pattern)) and f"{{{GROUP}}}" not in pattern:
         notes += made_together(root, table.rows, free[1])
     return replace(table, notes=tuple(notes)), others

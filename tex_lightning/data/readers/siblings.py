@@ -4,8 +4,9 @@ import re
 from collections import defaultdict
 from collections.abc import Sequence
 from itertools import chain
-from pathlib import Path
+from pathlib import Path, PurePath, PurePosixPath
 
+from tex_lightning.data.manifest import META
 from tex_lightning.data.readers.file_names import PIECE, shared_part
 from tex_lightning.data.readers.layout import (
     advise,
@@ -22,6 +23,7 @@ from tex_lightning.data.readers.vocabulary import (
 )
 from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.errors import UserError, inflected, listed
+from tex_lightning_runtime.files import is_file
 from tex_lightning_runtime.tables import SUFFIXES
 
 SENSOR = re.compile(
@@ -31,6 +33,11 @@ SENSOR = re.compile(
     re.IGNORECASE,
 )  # in the names of files beside each other
 NUMBERED = re.compile(r"(?<![a-z])(?:ch|chan|channel|axis|sensor|mic|taxel)\d+", re.IGNORECASE)
+NO_FOLDS = (
+    "which folds do not follow; give these in a column split of a manifest, and test by "
+    "data.test_where (docs/evaluate.md)"
+)
+LONGEST = 1 << 12  # letters of the first line of a list
 MAX_SHARED = 5  # parts of names that are told
 SAME = {".jpeg": ".jpg", ".jfif": ".jpg", ".tiff": ".tif", **dict.fromkeys(SUFFIXES, ".csv")}
 
@@ -150,7 +157,7 @@ def pieces(rows: Sequence[Recording]) -> list[str]:
 
 def parts_apart(root: Path, rows: Sequence[Recording]) -> list[str]:
     """Say which files may be of one person, recording or test, or tell a class by their kind."""
-    return [*made_together(root, rows), *_splits(rows), *_kinds(rows)]
+    return [*made_together(root, rows), *_splits(rows), *split_lists(root, rows), *_kinds(rows)]
 
 
 def made_together(root: Path, rows: Sequence[Recording], above: str = "") -> list[str]:
@@ -171,9 +178,9 @@ def made_together(root: Path, rows: Sequence[Recording], above: str = "") -> lis
             inside = map(sense_token, alike[first].path.relative_to(root).parts[1:-1])
             folders = above or "".join(f"{part}/" for part in ("{label}", *inside))
             return [
-                f"{alike[first].path} and others share {told} in their names with files of their "
-                "class, and are in groups of their own; if one such part is one person, session or "
-                f"recording, {by_pattern(root, ((), folders + name))}."
+                f"{alike[first].path} and others share {told} in their names, and are in groups of "
+                "their own; if one such part is one person, session or recording, "
+                f"{by_pattern(root, ((), folders + name))}."
             ]
     return []
 
@@ -191,10 +198,33 @@ def _splits(rows: Sequence[Recording]) -> list[str]:
     found = sorted(set().union(*said))
     if not all(said) or len(found) < 2:
         return []
+    return [f"The names of files have {', '.join(found)}, {NO_FOLDS}."]
+
+
+def split_lists(root: Path, rows: Sequence[Recording]) -> list[str]:
+    """Say that lists such as ``testing_list.txt`` name recordings, by class and file."""
+    known = {_short(row.path) for row in rows}
+    inside = [path for folder in ("", *META) for path in sorted((root / folder).glob("*.txt"))]
+    found = [path for path in inside if SPLITS & {*words(path.stem)} and _lists(path, known)]
+    more = f" and {inflected(len(found) - 1, 'more list', 'more lists')} name"
     return [
-        f"The names of files have {', '.join(found)}, which folds do not follow; give these in a "
-        "column split of a manifest, and test by data.test_where (docs/evaluate.md)."
+        f"{path.relative_to(root)}{more if found[1:] else ' names'} recordings to train or test "
+        f"on, {NO_FOLDS}."
+        for path in found[:1]
     ]
+
+
+def _lists(path: Path, known: set[str]) -> bool:
+    """Return whether the first line of a text names a recording, with its suffix or not."""
+    if not is_file(path):
+        return False
+    with path.open(errors="replace") as stream:
+        first = stream.readline(LONGEST).split()
+    return bool(first) and _short(PurePosixPath(first[0])) in known
+
+
+def _short(path: PurePath) -> str:
+    return f"{path.parent.name}/{path.stem}"
 
 
 def _kinds(rows: Sequence[Recording]) -> list[str]:

@@ -9,12 +9,16 @@ from tex_lightning.data.manifest import META
 from tex_lightning.data.recordings import MODALITIES, modality_named
 from tex_lightning.errors import listed
 
-SPLITS = {"train", "training", "val", "valid", "validation", "test", "testing", "eval", "fold"}
+SPLITS = {
+    "train", "training", "val", "valid", "validation", "test", "testing", "eval", "evaluation",
+    "dev", "development", "fold",
+}  # fmt: skip
 ASIDE = SPLITS | {  # folders that are no classes, by their names, as are those that begin with "_"
     "unlabelled", "unlabeled", "results", "outputs", "predictions", "figures", "plots", "code",
     "src", "scripts", "notebooks", "models", "checkpoints", "logs", "docs", "documentation",
     "examples", "demo", "backups", "calibration", "calib", "old", "tmp", "temp", "trash",
-    "archive", "archived", "excluded", "discarded", "rejected", "unused",
+    "archive", "archived", "excluded", "discarded", "rejected", "removed",
+    "unused", "utils", "venv",
     *META,
 }  # fmt: skip
 PLAIN = {"raw", "original", "originals", "orig", "unfiltered"}
