@@ -76,6 +76,7 @@ def test_folders_that_are_told_apart(tmp_path, files, told):
          [["elm fast", "elm slow", "oak fast", "oak slow"],
           ["fast elm", "fast oak", "slow elm", "slow oak"]]),
         (("1 2", "3", "5 6"), [["1 5", "1 6", "2 5", "2 6"]]),
+        (("c1 c2", "p1 p2", "t1 t2"), [["c1 p1", "c1 p2", "c2 p1", "c2 p2"]]),
         (("imu", "0 1", "20251106", "2115 2116"), [["0 2115", "0 2116", "1 2115", "1 2116"]]),
     ],
 )  # fmt: skip
@@ -385,7 +386,24 @@ def test_a_class_in_a_folder_of_its_own_name_is_read(tmp_path):
 )  # fmt: skip
 def test_classes_that_may_be_sessions_are_told(tmp_path, files, told):
     notes = read_folder(touch(tmp_path, *files)).notes
-    assert [read_as_told(tmp_path, note) for note in notes][:1] == ([[told]] if told else [])
+    assert [read_as_told(tmp_path, note)[0] for note in notes][:1] == ([told] if told else [])
+
+
+def test_either_part_of_classes_that_are_crossed_may_be_the_class(tmp_path):
+    (note,) = read_folder(touch(tmp_path, *crossed("ann_oak ann_elm bob_oak bob_elm"))).notes
+    people = ["ann elm", "ann oak", "bob elm", "bob oak"]
+    assert read_as_told(tmp_path, note) == [people, ["elm ann", "elm bob", "oak ann", "oak bob"]]
+    (note,) = read_folder(
+        touch(tmp_path / "b", *crossed("red_oak_wet red_oak_dry elm_wet elm_dry"))
+    ).notes
+    assert len(read_as_told(tmp_path / "b", note)) == 1
+
+
+def test_numbers_behind_classes_of_sensors_are_groups(tmp_path):
+    files = crossed("oak_1 oak_2 elm_1 elm_2", ending="acc.csv|gyro.csv")
+    with pytest.raises(UserError, match="of two sensors") as caught:
+        read_folder(touch(tmp_path, *files))
+    assert read_as_told(tmp_path, str(caught.value))[0] == ["elm 1", "elm 2", "oak 1", "oak 2"]
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,9 @@ PERSON = re.compile(
     re.IGNORECASE,
 )
 DATE = re.compile(r"(?<!\d)(19|20)\d\d([-_.]?\d\d){2}(?!\d)")
-TAKES = re.compile(r"(take|trial|rep|repetition|try|run|t|r|v|version|nr?|no)\d+", re.IGNORECASE)
+TAKES = re.compile(
+    r"(take|trial|trip|rec|rep|repetition|try|run|t|r|v|version|nr?|no)\d+", re.IGNORECASE
+)
 PIECE = re.compile(  # ends of names of what was cut from one recording
     r"[_. -](seg(ment)?|chunk|part|win(dow)?|slice|clip|piece|crop|patch|tile|frame|burst|aug"
     r"|rot)s?[_. -]?\d+$",
@@ -119,13 +121,15 @@ def _by_parts(names: Sequence[Sequence[str]], mark: str) -> list[tuple[list[str]
 
 
 def _level_of_numbers(levels: Sequence[Sequence[str]], files: int) -> list[int]:
-    """Return the first level of plain numbers that may be classes, neither dates nor takes."""
+    """Return the first level of numbers or codes that may be classes: no people, dates or takes."""
     if any(re.fullmatch(r"(19|20)\d\d", name) for level in levels for name in level):
         return []
     shared = (
         at
         for at, level in enumerate(levels[:-1])
-        if 1 < len(level) < files and all(re.fullmatch(r"\d{1,3}", name) for name in level)
+        if 1 < len(level) < files
+        and all(re.fullmatch(r"[^\W\d_]{0,3}\d{1,3}", name) for name in level)
+        and not any(PERSON.fullmatch(name) or TAKES.fullmatch(name) for name in level)
     )
     return [*shared][:1]
 

@@ -150,10 +150,19 @@ def _patterns(
         marked = "_{group}" if all("_" in path.stem for path in files) else ""
         names = [((), f"{{label}}{marked}{ending.removeprefix(name) or '.*'}")]
     end = "{take}" if "{group}" in above(None) else "{group}"
+    by_folders = [(plain[at], above(at) + ending) for at in found]
     return [
-        *((plain[at], above(at) + ending) for at in found),
+        *(each for own in by_folders for each in (*_without_ends(*own), own)),
         *((classes, above(None) + each.replace("{group}", end)) for classes, each in names),
         *((plain[at], above(at) + ending) for at in numbered),
+    ]
+
+
+def _without_ends(names: Sequence[str], pattern: str) -> list[tuple[Sequence[str], str]]:
+    """Return what folders such as oak_1, oak_2, elm_1 are if their numbers are groups."""
+    return [
+        (stems, pattern.replace("{group}", "*").replace("{label}", f"{{label}}{tail}{{group}}"))
+        for stems, tail in filter(None, [_numbered(names)])
     ]
 
 
@@ -235,14 +244,14 @@ def _sessions_as_classes(root: Path, rows: Sequence[Recording]) -> list[str]:
     names = sorted({row.label for row in rows})
     path = next((row.path for row in rows), root)
     inside = "".join(f"{sense_token(part)}/" for part in path.relative_to(root).parts[1:-1])
-    stems, tail = _without_numbers(names)
-    numbered = 1 < len(stems) <= len(names) / 2 and all(re.search(r"\d$", name) for name in names)
-    if found := (stems, tail) if numbered else crossed(names):
+    if found := _numbered(names) or crossed(names):
         persons = all(PERSON.fullmatch(row.path.stem) for row in rows)
         end, name = ("*", "{group}") if persons else ("{group}", "*")
-        pattern = f"{{label}}{found[1]}{end}/{inside}{name}{path.suffix}"
-        told = by_pattern(root, (found[0], pattern))
-        return [f"{listed(names)} are classes of their own; {told}."]
+        ending = f"/{inside}{name}{path.suffix}"
+        told = [(found[0], f"{{label}}{found[1]}{end}{ending}")]
+        if not any(found[1] in head for head in found[0]):
+            told += [(ends, f"{end}{found[1]}{{label}}{ending}") for ends in found[2:]]
+        return [f"{listed(names)} are classes of their own; {by_pattern(root, *told)}."]
     others = [
         (classes, f"{{group}}/{inside}{pattern}") for classes, pattern in classes_in_names(rows)
     ]
@@ -283,6 +292,13 @@ def crossed(names: Sequence[str]) -> tuple[list[str], str, tuple[str, ...]] | No
         if "" not in heads and 1 < len(heads) < len(names) == len(heads) * len(ends):
             return sorted(heads), mark, tuple(sorted(ends))
     return None
+
+
+def _numbered(names: Sequence[str]) -> tuple[tuple[str, ...], str] | None:
+    """Return what several names have before the numbers at their ends, if they all have several."""
+    stems, tail = _without_numbers(names)
+    several = 1 < len(stems) <= len(names) / 2
+    return (stems, tail) if several and all(re.search(r"\d$", name) for name in names) else None
 
 
 def _without_numbers(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
