@@ -64,12 +64,12 @@ class Dialect:
 
 
 def kind(cell: str) -> str:
-    """Return what a cell holds: nothing, a number, a date or clock time, or text."""
+    """Return what a cell holds: nothing, a number or several, a date or clock time, or text."""
     if cell in MISSING:
         return ""
     if STAMP.fullmatch(cell):
         return "stamp"
-    return "number" if NUMBER.fullmatch(cell) or QUANTITY.fullmatch(cell) else "text"
+    return "number" if any(n.fullmatch(cell) for n in (NUMBER, QUANTITY, VECTOR)) else "text"
 
 
 class Kinds:

@@ -55,6 +55,9 @@ SEP = re.compile(rb'"?sep=(.)"?[ \t]*\n', re.IGNORECASE)  # of Excel
 UNIT_BEHIND = re.compile(rf"(?<=\d) +(?:{UNIT.pattern})(?=[ ]*(?:[,;\t|]|$))")  # of a number
 KEYS = re.compile(r"(?m)(?:^[A-Z]+(?:_[A-Z]+)+\b.*\n?){3}\Z")  # MARKER_NAMES
 VALUES = re.compile(r"(?:.*_)?(?:data|values?)\W*", re.IGNORECASE)  # a title of rows
+VECTORS = re.compile(  # in a line, without quotes
+    rf"(?m)(^|,) *({VECTOR.pattern}) *(?=,|$)".replace(r"\s", " ").encode()
+)
 BEHIND = rb"(?m)^([^#\n]*?[\d.][\"]?)%b *(#(?!N/A|NV\b|[A-Z/0]+[!?])[^\n]*)"  # a row, a remark
 BITS = re.compile(r"[01]{4,32}")
 COMMAS = re.compile(  # decimal ones, two at least
@@ -187,6 +190,8 @@ def _undecorated(content: bytes, given: str | None) -> tuple[bytes, list[str], D
         separator, quote = "\t", '"'
     else:
         separator, quote = _dialect([line.decode(errors="replace") for line in sample], given)
+    if separator == ",":  # 0.01, (0.1, 0.2)
+        content = VECTORS.sub(rb'\1"\2"', content)
     if separator == " ":  # INFO: 0.1, 0.2
         content = re.sub(rb"(?<=\d)[,;](?=[ \t])", b"", content)
     if arrows:
@@ -276,7 +281,7 @@ def _with_heading(
     notes: list[str] = []
     above = with_statements(above, dialect, columns.count)
     decimal, thousands = decimal_mark(
-        [cell for cell in column if kind(cell) == "number"]
+        [cell for cell in column if kind(cell) == "number" and not VECTOR.fullmatch(cell)]
         for column in zip(*columns.rows, strict=True)
     )
     heading, rate = [names], None

@@ -68,7 +68,7 @@ UPTIME = re.compile(  # in ms or s, or of the day
     rb"(?m)^(?:[A-Z] \((?:(\d+)|([\d:.]+))\) (?=\S+: )|\[ *(\d{1,6}\.\d{3,})\](?=.*\d))"
 )
 STAMPED = re.compile(  # 1000 1,2,3 and 0.01 (1, 2, 3)
-    rb"(?m)^[ \t]*(\d{4,}|\d+\.\d+)(?:[:,]? ?[(\[]|[: \t] ?(?=[^,\n]+,[^,\n]+,))"
+    rb"(?m)^[ \t]*(\d{4,}|\d+\.\d+)(?::? ?[(\[]|[: \t] ?(?=[^,\n]+,[^,\n]+,))"
     rb"([-+.\deE]+(?:, ?[-+.\deE]+)+)[\])]?[ \t]*$"
 )
 WORD = re.compile(  # before all numbers: ACC: 0.1,0.2
@@ -82,7 +82,8 @@ PAIR = re.compile(  # name:number or name=number, as plotters of serial ports re
 NO_THOUSANDS = rb"(?![-+]?[1-9]\d{0,2}(?: \d{3})+(?:[.,]\d*)?[;,][ \t]*$)"  # 1 234,5; of one column
 WRAPPED = (  # rows in brackets, or in quotes around several cells, or with a mark at their end
     re.compile(
-        rb"(?m)^[ \t]*(?:[\[({]++|<(?=[-+.\d]))[ \t]*+(.*[^\])}> \t\n])[ \t]*[\])}>]+,?[ \t]*$"
+        rb"(?m)^[ \t]*(?![(\[][^(\[\n]*[)\]] *, *[(\[])(?:[\[({]++|<(?=[-+.\d]))[ \t]*+"
+        rb"(.*[^\])}> \t\n])[ \t]*[\])}>]+,?[ \t]*$"
     ),
     re.compile(
         rb'(?m)^"(?=[^"\n;\t]*[;\t]|[^"\n.]*\.[^"\n,]*,[^"\n.]*\.|[^"\n]*[A-Za-z)],)'

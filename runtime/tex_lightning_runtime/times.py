@@ -192,12 +192,12 @@ def even_samples(times: Array, samples: Array) -> Even:
         TableError: If the times do not rise, or most samples are missing.
     """
     steps = np.diff(times)
-    if len(steps) and not steps.any():
+    if not steps.any():
+        fault = "that do not rise at all, too coarse" if len(steps) else "of one sample, too few"
         raise TableError(
-            "has times that do not rise at all, too coarse for the rate; delete that column and "
-            "give data.file_rate"
+            f"has times {fault} for the rate; delete that column and give data.file_rate"
         )
-    if not len(steps) or not (steps >= 0).all():
+    if not (steps >= 0).all():
         raise TableError(
             f"has times that do not rise at sample {int(np.argmin([*(steps >= 0), False])) + 1}; "
             "divide it there if a recording begins anew, correct them, or delete that column and "

@@ -121,6 +121,10 @@ READ = {
     "a unit in every cell": (table(*([f"{c} g" for c in each] for each in XYZ)), None),
     "vectors": (table(times(), [f'"({x}, {y}, {z})"' for x, y, z in zip(*XYZ, strict=True)],
                       names="time,acc\n"), RATE),
+    "vectors without quotes": (
+        table(times(), [f"({x}, {y}, {z})" for x, y, z in zip(*XYZ, strict=True)],
+              names="time,acc\n"), RATE
+    ),
     "vectors of NumPy": (table(times(), [f"[ {x}  {y} {z} ]" for x, y, z in zip(*XYZ, strict=True)],
                                names="time,acc\n"), RATE),
     # what stands above and below
@@ -1111,6 +1115,7 @@ REFUSED = {
     "a time that is missing": (
         table(times(), X, names="time,x\n").replace(times()[9], ""), "column 'time' at sample 9"
     ),
+    "one time": ("time_s,x\n0.1,0.2\n", "has times of one sample, too few for the rate; delete"),
     "one clock time": (
         table(["10:00:00"] * COUNT, X, names="time,x\n"),
         "has times that do not rise at all, too coarse for the rate; delete that column and give",
@@ -1587,6 +1592,14 @@ def test_samples_that_arrive_late_are_even(tmp_path):
     np.testing.assert_allclose(samples, AXES)
     assert rate == pytest.approx(RATE, rel=0.01)
     assert reading.rate_from == "times in 'time', some of which are late"
+
+
+def test_vectors_alone_need_no_quotes(tmp_path):
+    rows = "".join(f"({x}, {y}) , [{z}, {x}]\n" for x, y, z in zip(*XYZ, strict=True))
+    for above, names in ("acc,gyr\n", ("acc_1", "acc_2", "gyr_1", "gyr_2")), ("", ()):
+        samples, _, reading = read_table(write(tmp_path, above + rows))
+        np.testing.assert_allclose(samples, AXES[[0, 1, 2, 0]])
+        assert reading.axes == names
 
 
 def test_marks_at_the_ends_of_rows_divide_no_whole_numbers(tmp_path):
