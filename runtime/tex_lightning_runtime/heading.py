@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from itertools import takewhile
 
-from tex_lightning_runtime.cells import WHOLE, Dialect, Kinds, kind
+from tex_lightning_runtime.cells import NUMBER, WHOLE, Dialect, Kinds, kind
 from tex_lightning_runtime.column import TIMES, UNNAMED, plain_unit, split_words
 from tex_lightning_runtime.errors import inflected
 from tex_lightning_runtime.resampling import MAX_RATE, MIN_RATE
@@ -78,14 +78,18 @@ def _are_names(cells: Sequence[str], columns: Kinds) -> bool:
     """Return whether cells are as many as columns, some of them text and none a measurement."""
     kinds = [*map(kind, cells)]
     plain = [UNNUMBERED.sub("", cell.casefold()) for cell in cells[: columns.count]]
-    titles = [FRACTION.sub("", each) for each in plain if FRACTION.search(each)]
-    numbered = len(titles) > 1 and {*titles} == {titles[0] or None}  # ch 1.1, ch 1.2
+    found = [each for each in map(FRACTION.search, plain) if each]
+    begins = {each.string[: each.end()] for each in found}  # imu-1.5:x, imu-1.5:y
+    rests = {each.string.replace(each[0], "") for each in found}  # ch 1.1, ch 1.2
+    device = len(begins) == 1 and min(begins)[0].isalpha()
+    plain_ones = any(NUMBER.fullmatch(each.string) for each in found)
+    numbered = len(found) > 1 and not plain_ones and (device or len(rests) == 1)
     return (
         len(cells) in (columns.count, len(columns.kinds))
         and not _are_settings(cells)
         and "text" in kinds
         and "stamp" not in kinds
-        and (not titles or numbered)
+        and (not found or numbered)
         and not _are_values(cells, columns)
     )
 

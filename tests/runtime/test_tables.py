@@ -1611,9 +1611,29 @@ def test_marks_at_the_ends_of_rows_divide_no_whole_numbers(tmp_path):
     np.testing.assert_allclose(read_table(write(tmp_path, text))[0], AXES[:1])
 
 
+def test_a_number_of_a_device_in_all_names_is_no_measurement(tmp_path):
+    names = "Time,imu-62.18:x,imu-62.18:y,imu-62.18:z\n"
+    _, rate, reading = read_table(write(tmp_path, table(times(), *XYZ, names=names)))
+    assert (reading.axes, rate) == (tuple(names[5:-1].split(",")), pytest.approx(RATE))
+    with pytest.raises(TableError, match="may be names or settings"):
+        read_table(write(tmp_path, table(*XYZ, names="span 2.0,gain 2.0,off\n")))
+
+
+def test_settings_of_labview_that_are_numbers_are_no_names(tmp_path):
+    above = (
+        "Channels\t2\t\t\t\nX_Dimension\tTime\t\tTime\t\n"
+        "X0\t0.0000000000000000E+0\t\t0.0000000000000000E+0\t\nDelta_X\t5.0E-4\t\t5.0E-4\t\n"
+        "***End_of_Header***\t\t\t\t\nX_Value\tVoltage\tX_Value\tAcc\tComment\n"
+    )
+    text = above + table(times(), X, times(), Y, mark="\t")
+    _, rate, reading = read_table(write(tmp_path, text))
+    assert (reading.axes, rate) == (("Voltage", "Acc"), pytest.approx(RATE))
+
+
 def test_numbers_with_an_exponent_of_one_digit_have_no_unit(tmp_path):
     cells = [cell if n % 3 else f"{float(cell) * 1e4:.4f}E-4" for n, cell in enumerate(X)]
-    samples, _, reading = read_table(write(tmp_path, table(cells, Y, names="x,y\n")))
+    more = [f"{float(cell) / 10:.6f}E1" for cell in Y]
+    samples, _, reading = read_table(write(tmp_path, table(cells, more, names="x,y\n")))
     np.testing.assert_allclose(samples, AXES[:2], atol=1e-9)
     assert not reading.notes
 
