@@ -56,7 +56,8 @@ class OfTones(tl.Estimator):
 def checks(*, fits: bool) -> list:
     """Those of scikit-learn that can apply; of those that fit something a few, or all."""
     found = []
-    for estimator, check in estimator_checks_generator(OfTones(rate=SLOW_RATE)):
+    model = "few/haptic" if fits else "mfcc_nb"  # which takes a quarter of the time
+    for estimator, check in estimator_checks_generator(OfTones(model, rate=SLOW_RATE)):
         name = check.func.__name__
         marks = [pytest.mark.xfail(reason=CANNOT_APPLY[name])] if name in CANNOT_APPLY else []
         quick = name in QUICK or name.startswith(("check_no_", "check_do_", "check_get_"))
@@ -94,6 +95,12 @@ def strokes():
 @pytest.fixture(scope="module")
 def fitted(strokes):
     return tl.Estimator("few/haptic", rate=SLOW_RATE).fit(*strokes)
+
+
+@pytest.fixture(scope="module")
+def quick(strokes):
+    """What is fitted in a quarter of the time, where any model does."""
+    return tl.Estimator("mfcc_nb", rate=SLOW_RATE).fit(*strokes)
 
 
 def test_three_lines_are_a_model(strokes, fitted):
@@ -152,10 +159,11 @@ def test_every_form_of_the_same_recordings_is_read_alike(strokes, fitted, form):
 
 
 @pytest.mark.parametrize("form", ["aeon's cases", "a sample each", "a table of numbers"])
-def test_every_form_trains_alike(strokes, fitted, form):
+def test_every_form_trains_alike(strokes, quick, form):
     x, y = strokes
     with warnings.catch_warnings(action="ignore"):
-        assert_same_weights(clone(fitted).fit(forms(x)[form], y), fitted)
+        found = clone(quick).fit(forms(x)[form], y)
+    assert (found.predict_proba(x) == quick.predict_proba(x)).all()
 
 
 def assert_same_weights(one: tl.Estimator, other: tl.Estimator) -> None:
@@ -181,7 +189,7 @@ def test_lengths_and_numbers_of_axes_may_differ_from_the_training(fitted, stroke
     "labels", [[0] * 4 + [2] * 4 + [10] * 4, [True] * 4 + [False] * 8, ["1 "] * 4 + ["ü"] * 8]
 )
 def test_labels_keep_their_type_and_order(strokes, labels):
-    model = tl.Estimator(rate=SLOW_RATE).fit(strokes[0], labels)
+    model = tl.Estimator("mfcc_nb", rate=SLOW_RATE).fit(strokes[0], labels)
     assert model.classes_.tolist() == sorted(set(labels))
     assert model.classes_.dtype == np.asarray(labels).dtype
     found = model.predict(strokes[0])
@@ -337,9 +345,9 @@ def test_the_largest_samples_that_are_read_train(fitted, strokes):
     assert clone(fitted).fit(5e8 * x, y).score(5e8 * x, y) == 1
 
 
-def test_what_a_fit_keeps_is_of_the_last_that_succeeded(fitted, strokes):
+def test_what_a_fit_keeps_is_of_the_last_that_succeeded(quick, strokes):
     x, y = strokes
-    model = clone(fitted).fit(pd.DataFrame(x).add_prefix("t"), y)
+    model = clone(quick).fit(pd.DataFrame(x).add_prefix("t"), y)
     with pytest.raises(tl.UserError):
         model.fit(x[:, :10], y)
     assert len(model.feature_names_in_) == model.n_features_in_ == x.shape[1]
@@ -422,9 +430,9 @@ def test_weights_and_labels_are_those_of_the_command_line(
 def test_arrays_are_the_files_that_hold_them(files):
     import soundfile
 
-    paths, labels = files
-    arrays = [soundfile.read(path)[0] for path in paths["haptic"]]
-    of_files = tl.Estimator(**SHORT_WINDOWS).fit(paths["haptic"], labels)
+    paths, labels = files[0]["haptic"][::3], files[1][::3]
+    arrays = [soundfile.read(path)[0] for path in paths]
+    of_files = tl.Estimator(**SHORT_WINDOWS).fit(paths, labels)
     of_arrays = tl.Estimator(rate=RATE, **SHORT_WINDOWS).fit(arrays, labels)
     assert_same_weights(of_arrays, of_files)
 
