@@ -22,8 +22,8 @@ from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 HUGE = 10**30
 ABSURD: dict[type, list[Any]] = {
-    int: [-5, HUGE, 10**4000, float("nan"), float("inf"), 1e30],
-    float: [-5.0, 1e30, float("nan"), float("inf"), -float("inf"), HUGE],
+    int: [-5, HUGE, 10**4000],
+    float: [-5.0, 1e30, float("nan")],
 }
 # What may be as large as it likes, and why.
 HARMLESS = {
@@ -81,6 +81,12 @@ def test_the_defaults_are_in_range_and_there_are_keys_to_check(composed):
     names = {name for name, _, _ in numeric_keys()}
     assert {"seed", "model.haptic.width", "model.visual.head", *HARMLESS} <= names
     assert len(names) > 80
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, 1e30, 2.5])
+def test_where_a_whole_number_belongs_no_other_is_taken(composed, value):
+    for name in ("seed", "data.folds", "model.haptic.fit.epochs", "model.visual.head"):
+        assert refusal(composed, name, [value, value] if "head" in name else value)
 
 
 @pytest.mark.parametrize(("name", "number", "several"), numeric_keys(), ids=lambda item: str(item))

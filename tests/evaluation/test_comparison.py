@@ -61,7 +61,7 @@ def test_pairing_counts_only_what_differs():
 
 @given(
     st.dictionaries(
-        st.text(min_size=1), st.tuples(st.integers(1, 9), st.integers(0, 9)), min_size=1
+        st.sampled_from("abcdefgh"), st.tuples(st.integers(1, 9), st.integers(0, 9)), min_size=1
     )
 )
 def test_pareto_line_is_what_nobody_beats(points):

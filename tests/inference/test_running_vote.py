@@ -150,7 +150,7 @@ def test_a_slow_signal_has_the_label_of_the_whole_recording():
     model = tl.Estimator("few/haptic", rate=50, verbose=0)
     model.fit([recording(kind, 8) for kind in labels], labels)
     for kind in range(3):
-        samples, stream = recording(kind, 60), model.predictor_.stream()
+        samples, stream = recording(kind, 30), model.predictor_.stream()
         samples[:, 1000:1200] = samples[:, 1000:1001]  # 4 s of rest
         *_, last = (stream.push(samples[:, i : i + 25]) for i in range(0, samples.shape[1], 25))
         whole = model.predictor_.predict(haptic=samples)
@@ -171,7 +171,7 @@ def test_a_stream_and_a_recording_of_an_accelerometer_in_another_unit_have_the_s
     model = tl.Estimator("few/haptic", rate=50, verbose=0)
     model.fit([recording(kind, 8) for kind in labels], labels)
     for kind, unit in enumerate([1.0, 1000.0, 4.9]):
-        samples, stream = recording(kind, 60, unit), model.predictor_.stream()
+        samples, stream = recording(kind, 30, unit), model.predictor_.stream()
         *_, last = (stream.push(samples[:, i : i + 25]) for i in range(0, samples.shape[1], 25))
         whole = model.predictor_.predict(haptic=samples)
         assert last.label == whole.label == str(kind)

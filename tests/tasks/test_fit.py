@@ -65,7 +65,8 @@ def test_fusion_trains_three_networks_and_reports_them(fused):
     [
         pytest.param("experiment=few/haptic", 30, marks=pytest.mark.slow),
         ("model=mfcc_nb", 30),
-        ("model=fusion", 60),
+        ("model=haptic", 30),
+        pytest.param("model=fusion", 60, marks=pytest.mark.slow),
     ],
 )
 def test_without_a_test_fold_all_recordings_are_trained_on(

@@ -53,12 +53,12 @@ def test_profile_of_both_networks(cli, tmp_path):
 
 
 def test_a_profiled_checkpoint_has_its_own_name(cli, fused, tmp_path):
-    given = f"checkpoint={fused}/checkpoints/visual.ckpt"
+    given = f"checkpoint={fused}/checkpoints/haptic.ckpt"
     outcome = cli("task=profile", given, "debug=tiny", f"hydra.run.dir={tmp_path}")
     assert outcome.status == 0, outcome.err
     results = json.loads((tmp_path / "results.json").read_text())
-    assert [results["model"], *results["networks"]] == ["visual", "visual"]
-    assert "profile · visual · " in outcome.err
+    assert [results["model"], *results["networks"]] == ["haptic", "haptic"]
+    assert "profile · haptic · " in outcome.err
 
 
 class Plain(nn.Module):
