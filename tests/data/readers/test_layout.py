@@ -597,6 +597,15 @@ def test_flat_files_are_told_by_the_mark_that_all_names_have(tmp_path):
         ),
         (["a_TRAIN.ts", "a_TEST.ts"], "Write the samples of each recording"),
         (["oak/1.json", "elm/1.json"], r"2 \.json .*Write the samples of each recording"),
+        (["1st/2003.10.22.12", "2nd/2003.10.22.13"], "Rename what is a table of numbers in text"),
+        (
+            ["all.csv", "calls/owl/1.ogg"],
+            r"in one file\). Of other kinds and not read: 1 \.ogg .* Convert other sound",
+        ),
+        (
+            [f"raw/{sensor}_exp{n}_user{n}.txt" for sensor in ("acc", "gyro") for n in "12"],
+            "choose a sensor: give their classes in a manifest",
+        ),
         (["oak.npy", "elm.npy", "ash.npy"], "3 .npy .*; give their classes in a manifest"),
         (["001.csv", "002.csv", "003.csv", "004.csv"], "; give their classes in a manifest"),
     ],

@@ -20,6 +20,11 @@ from tex_lightning.data.recordings import (
 )
 from tex_lightning.errors import UserError, listed, shorten
 
+MORE_CLASSES = (
+    "add recordings of another, give the classes in a manifest, or write what one file holds of "
+    "several into files of their own (docs/data.md, Manifest)."
+)
+
 
 def checked_table(table: Any, reader: str) -> Recordings:  # noqa: ANN401
     """Return the table that the ``read()`` of a class named ``reader`` has returned.
@@ -113,9 +118,7 @@ def read_recordings(
     if len(classes) < least:
         raise UserError(
             f"The data has only the class {', '.join(classes)}; telling classes apart takes two; "
-            + " ".join(
-                ["add recordings of another.", *recordings.notes, *hint(config.root, recordings)]
-            )
+            + " ".join([MORE_CLASSES, *recordings.notes, *hint(config.root, recordings)])
         )
     recordings = recordings.in_classes(classes[: config.classes])
     told = _own_division(recordings) if config.test_where is None else []

@@ -6,6 +6,7 @@ own, ``root/CLASS/NAME/*``, are read as well. A class without folders for its se
 lies, ``root/CLASS/*``: a file's suffix tells its sense.
 """
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -14,7 +15,13 @@ from pathlib import Path
 
 from tex_lightning.data.manifest import META, read_manifest
 from tex_lightning.data.readers.file_names import flat_patterns, uncut
-from tex_lightning.data.readers.layout import advise, by_pattern, doubts, tables_of_labels
+from tex_lightning.data.readers.layout import (
+    BY_MANIFEST,
+    advise,
+    by_pattern,
+    doubts,
+    tables_of_labels,
+)
 from tex_lightning.data.readers.siblings import (
     check_sensor_folders,
     check_sensors,
@@ -207,19 +214,21 @@ def _nothing_in(root: Path, others: Sequence[Path], counted: Sequence[str]) -> s
         )
     if named := next(iter(tables_of_labels(root)), None):
         return f"Folder {root} has no folder for each class, but {named.notes[-1]}."
+    remedy = ""
     if 0 < len(recorded) <= MAX_WHOLE and {path.suffix.lower() for path in recorded} <= {*SUFFIXES}:
-        return (
-            f"Folder {root} has no folder for each class: it holds {count_kinds(flat)}; write the "
-            f"samples of each recording into a table of its own, {root}/LABEL/haptic/NUMBER.csv "
-            "(docs/data.md, Recordings in one file)."
+        remedy = (
+            f"write the samples of each recording into a table of its own, {root}/LABEL/haptic/"
+            "NUMBER.csv (docs/data.md, Recordings in one file)"
         )
-    if recorded:
-        patterns = flat_patterns(recorded)
-        told = f"{by_pattern(root, *patterns)}, or with a pattern that fits their names better"
-        remedy = told if patterns else "give their classes in a manifest (docs/data.md, Manifest)"
-        return (
+    elif recorded:
+        told = by_pattern(root, *(patterns := flat_patterns(recorded)))
+        fits = f"{told}, or with a pattern that fits their names better"
+        remedy = fits if patterns else BY_MANIFEST
+    if remedy:
+        said = (
             f"Folder {root} has no folder for each class: it holds {count_kinds(flat)}; {remedy}."
         )
+        return " ".join([said, *counted])
     said = (
         f"Folder {root} holds no recordings; put traces in {root}/CLASS/haptic "
         f"({', '.join(TRACE_SUFFIXES)}), sounds in {root}/CLASS/sound (.wav, .flac) and photos in "
@@ -230,7 +239,7 @@ def _nothing_in(root: Path, others: Sequence[Path], counted: Sequence[str]) -> s
 
 def _cures(files: Sequence[Path]) -> str:
     """Return how files of other kinds become such as are read."""
-    kinds = {path.suffix.lower() for path in files}
+    kinds = {re.sub(r"\.\d+$", ".dat", path.suffix.lower()) for path in files}  # 2003.10.22
     return "".join(dict.fromkeys(text for kind, text in CURES.items() if kind in kinds))
 
 

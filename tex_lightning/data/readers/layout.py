@@ -37,6 +37,7 @@ from tex_lightning.data.recordings import Recording, Recordings, is_hidden
 from tex_lightning.errors import inflected, listed
 from tex_lightning_runtime.files import expanded
 
+BY_MANIFEST = "give their classes in a manifest (docs/data.md, Manifest)"
 SEPARATORS = "_- "  # in names of folders
 
 
@@ -78,7 +79,7 @@ def advise(root: Path, paths: Sequence[Path], name: str = "*") -> str:
     levels = [[*dict.fromkeys(each)] for each in zip(*map(_own, files.values()), strict=True)]
     patterns = [] if len(depths) == 1 else _deep_patterns(folders, min(depths), name)
     patterns += _patterns([*files], levels, name)
-    return by_pattern(root, *patterns)
+    return by_pattern(root, *patterns) if patterns else BY_MANIFEST
 
 
 def _own(parts: Sequence[str]) -> list[str]:
@@ -146,7 +147,7 @@ def _patterns(
     numbered = [] if found else [n for n in free if len(plain[n]) > 1]
     if not (found or names or numbered):
         found = free[:1]
-    if not (found or names or numbered):
+    if not (found or names or numbered or name.strip("*")):
         marked = "_{group}" if all("_" in path.stem for path in files) else ""
         names = [((), f"{{label}}{marked}{ending.removeprefix(name) or '.*'}")]
     end = "{take}" if "{group}" in above(None) else "{group}"
