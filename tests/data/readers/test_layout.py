@@ -242,6 +242,15 @@ def test_senses_above_the_classes_are_told_with_the_pattern_that_pairs_them(tmp_
     assert {(row.label, row.group) for row in table} == {("elm", "elm/1"), ("oak", "oak/1")}
 
 
+@pytest.mark.parametrize("other", ["setup/fold1_train.csv", "imdb/imdb.mat", "figs/x.svg"])
+def test_a_sense_beside_folders_of_other_kinds_is_no_class(tmp_path, other):
+    root = touch(tmp_path, *crossed("images", "oak elm", ending="1.jpg"), other)
+    with pytest.raises(UserError, match="folders images in the place of classes; if elm, oak are"):
+        read_folder(root)
+    rows = read_folder(touch(tmp_path / "b", *crossed("touch tap", ending="1.csv"))).rows
+    assert [row.label for row in rows] == ["tap", "touch"]
+
+
 def test_other_names_of_senses_are_told_as_names_and_not_as_groups(tmp_path):
     table = read_folder(touch(tmp_path, "oak/Acceleration/1.wav", "oak/photos/1.jpg"))
     assert hint(str(tmp_path), table) == []

@@ -173,12 +173,15 @@ def _class_folders(root: Path, notes: list[str]) -> list[Path]:
     classes = [path for path in folders if path not in aside and path not in instead]
     senses = [path for path in classes if is_sense(path.name)]
     several = len({sense_of(path.name) for path in senses}) > 1
-    if len(senses) == len(classes) or (several and len(senses) > len(classes) / 2):
+    most = several and len(senses) > len(classes) / 2
+    others = [path for path in classes if path not in senses]
+    alone = bool(senses) and _kinds(senses).isdisjoint(_kinds(others))  # beside tables
+    if not others or most or alone:
         classes, instead = [], [*instead, *senses]
     check_sensor_folders(root, classes)
     few = sum(1 + len(_folders(folder)) for folder in classes) < 2
     if few and (len(instead) > 1 or any(is_sense(folder.name) for folder in instead)):
-        paths = [path for each in instead for path in (*_recorded(each), *_deeper(each, ()))]
+        paths = [path for each in instead for path in _all_recorded(each)]
         if paths:
             raise UserError(
                 labels_apart(root, [path for folder in instead for path in _recorded(folder)])
@@ -188,11 +191,19 @@ def _class_folders(root: Path, notes: list[str]) -> list[Path]:
     if few:
         return [folder for folder in folders if folder.name.casefold() not in META]
     for folder in aside:
-        if _deeper(folder, ()) or _recorded(folder):
+        if _all_recorded(folder):
             notes.append(
                 f"{folder} is left out, as its name is none of a class; rename it if it is one."
             )
     return [folder for folder in folders if folder not in aside]
+
+
+def _kinds(folders: Sequence[Path]) -> set[str]:
+    return {path.suffix.lower() for folder in folders for path in _all_recorded(folder)}
+
+
+def _all_recorded(folder: Path) -> list[Path]:
+    return [*_recorded(folder), *_deeper(folder, ())]
 
 
 def _recorded(folder: Path) -> list[Path]:
