@@ -185,7 +185,7 @@ def shared_part(paths: Sequence[Path], labels: Sequence[str]) -> tuple[list[str]
         for path, label in zip(paths, labels, strict=True)
     ]
     found = []
-    for mark in MARKS:
+    for mark in [mark for mark in MARKS if any(mark in stem for stem in stems)] or MARKS[0]:
         sizes = Counter(stem.count(mark) for stem in stems)
         size, count = sizes.most_common(1)[0]
         alike = [at for at, stem in enumerate(stems) if stem.count(mark) == size]

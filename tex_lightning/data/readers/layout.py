@@ -38,6 +38,7 @@ from tex_lightning.errors import inflected, listed
 from tex_lightning_runtime.files import expanded
 
 BY_MANIFEST = "give their classes in a manifest (docs/data.md, Manifest)"
+MAX_CLASSES = 200  # that names of files are told to have
 SEPARATORS = "_- "  # in names of folders
 
 
@@ -273,7 +274,7 @@ def classes_in_names(rows: Sequence[Recording]) -> list[tuple[Sequence[str], str
     found = [
         (classes, pattern.replace("{group}", "{take}"))
         for classes, pattern in flat_patterns(paths)
-        if len(names) > 1 < len(classes) <= fewest and not are(classes, SPLITS)
+        if len(names) > 1 < len(classes) <= min(fewest, MAX_CLASSES) and not are(classes, SPLITS)
         and (are_people(names)
              or all(re.search(r"^[^\W\d_]|[^\W\d_]{2}", each) for each in classes))
         and "{label}." not in pattern

@@ -187,9 +187,9 @@ def made_together(root: Path, rows: Sequence[Recording], above: str = "") -> lis
 
 def _told_as_classes(values: Sequence[str], rows: Sequence[Recording]) -> bool:
     """Return whether people, who are folders, are told to be no classes, but what is shared is."""
-    known = (classes for classes, _ in classes_in_names(rows))
-    coded = all(re.search(r"\d", row.label) for row in rows)
-    return coded and {*values} in map(set, known)
+    if not all(re.search(r"\d", label) for label in {row.label for row in rows}):
+        return False
+    return {*values} in ({*classes} for classes, _ in classes_in_names(rows))
 
 
 def _splits(rows: Sequence[Recording]) -> list[str]:
