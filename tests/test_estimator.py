@@ -115,22 +115,22 @@ def test_three_lines_are_a_model(strokes, fitted):
     assert len(fitted.transform(x)) == 12
 
 
-def test_a_class_in_counts_beside_others_in_volts_is_told(strokes):
+def test_a_class_in_counts_beside_others_in_volts_is_told(quick, strokes):
     x, y = strokes
     mixed = [
         (9000 * row).astype(np.int16) if label == "b" else row
         for row, label in zip(x, y, strict=True)
     ]
     with pytest.warns(UserWarning, match="4 of 12 traces, of b alone, are"):
-        model = tl.Estimator("few/haptic", rate=SLOW_RATE).fit(mixed, y)
+        model = clone(quick).fit(mixed, y)
     assert len(model.notes_) == 1
 
 
-def test_a_note_names_recordings_without_the_folder_that_is_gone(strokes):
+def test_a_note_names_recordings_without_the_folder_that_is_gone(quick, strokes):
     x, y = strokes
     timed = np.stack(np.broadcast_arrays(x, TIME), axis=1)
     with pytest.warns(UserWarning, match=r"^haptic_0\.npy and 11 more: an axis rises evenly"):
-        tl.Estimator(rate=SLOW_RATE).fit(timed, y)
+        clone(quick).fit(timed, y)
 
 
 def forms(x: np.ndarray) -> dict[str, object]:

@@ -8,10 +8,14 @@ medium would not show as text.
 import json
 import re
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tex_lightning_runtime.errors import printable as printable
+
+if TYPE_CHECKING:
+    from jinja2 import Template
 
 FORMULA = re.compile(
     r"'*[=+\-@]"
@@ -39,6 +43,11 @@ def render(template: Path, context: Mapping[str, Any]) -> str:
         template: Values are escaped in one that ends in ``.html``.
         context: Values by the names that the template uses.
     """
+    return _compiled(template).render(context)
+
+
+@cache
+def _compiled(template: Path) -> "Template":
     from jinja2 import Environment, StrictUndefined  # slow, and only documents need it
 
     environment = Environment(
@@ -48,7 +57,7 @@ def render(template: Path, context: Mapping[str, Any]) -> str:
         lstrip_blocks=True,
     )
     environment.filters |= {"md": to_markdown, "printable": printable}
-    return environment.from_string(template.read_text(encoding="utf-8")).render(context)
+    return environment.from_string(template.read_text(encoding="utf-8"))
 
 
 def to_json(value: object) -> str:
