@@ -95,7 +95,13 @@ def test_a_network_that_is_fitted_at_once_keeps_its_contract():
     assert check_part(network, example=x) == "network"
 
 
-@pytest.mark.parametrize("node", own_networks.NODES, ids=lambda node: "".join(node.values()))
+USERS = [  # orders of layers, which matter to the accelerated copy, in the slow suite alone
+    pytest.param(node, id="".join(node.values()), marks=[pytest.mark.slow] * ("shape" in node))
+    for node in own_networks.NODES
+]
+
+
+@pytest.mark.parametrize("node", USERS)
 def test_networks_as_users_bring_them_pass(node):
     network = build("model.haptic.network", {**node, "classes": 3})
     assert check_part(network) == "network"
