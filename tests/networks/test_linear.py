@@ -1,5 +1,8 @@
 """LinearNet: what is chosen, what is out of range, few recordings of a class, the probabilities."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 import torch
@@ -300,6 +303,66 @@ def test_a_strength_that_no_training_had_is_scored_by_shape_alone(gain):
     assert not torch.allclose(torch.cat([loaded(x[None]) for x in other]), scores, atol=0.1)
     for x, expected in zip(usual, before, strict=True):
         torch.testing.assert_close(loaded(x[None]), expected, rtol=0, atol=0)
+
+
+def test_a_strength_of_another_class_than_the_shape_tells_is_doubted():
+    network, shapes = LinearNet(4, bands=10, blocks=SLOW), LinearNet(4, bands=6)
+    inputs, labels = slow_recordings(1)
+    network.fit(inputs, labels)
+    shapes.fit([x[:, :6] for x in inputs], labels)
+    shapes.head.scores.range.take(None)  # one of six features is soon out of range
+    network.head.scores.reach.take(None)
+    shapes.head.scores.reach.take(None)
+    other = slow_recordings(0.8, seed=3)[0]  # none lies farther out than all of the training
+    doubted = [x.clone() for x in other]
+    for x, label in zip(doubted, labels, strict=True):
+        x[:, -2:] += 2.5 if label < 2 else -2.5  # as loud as another class
+    scores = [network.eval()(x[None]) for x in (*other, *doubted)]
+    network.head.scores.gainless.take(None)
+    usual = [network(x[None]) for x in (*other, *doubted)]
+    for before, after in zip(usual[:32], scores[:32], strict=True):
+        torch.testing.assert_close(after, before, rtol=0, atol=0)
+    both = [
+        (before + shapes.eval()(x[None, :, :6])) / 2
+        for x, before in zip(doubted, usual[32:], strict=True)
+    ]
+    are_doubted = [torch.allclose(*pair, atol=1e-3) for pair in zip(scores[32:], both, strict=True)]
+    assert sum(are_doubted) >= 28
+
+
+def test_a_shape_beyond_all_training_tells_no_strength():
+    network = LinearNet(4, bands=10, blocks=SLOW)
+    inputs, labels = slow_recordings(1)
+    network.fit(inputs, labels)
+    odd = inputs[0].clone()
+    odd[:, -2:] += 2
+    beyond = odd.clone()
+    beyond[:, :6] *= 10
+    assert network.head.scores.odd.in_use
+    for x, doubted in ((odd, True), (beyond, False)):
+        scores = network.eval()(x[None])
+        changed = copy.deepcopy(network)
+        changed.head.scores.odd.take(None)
+        assert torch.allclose(scores, changed(x[None])) != doubted
+
+
+def test_a_network_that_was_pickled_before_doubts_no_strength():
+    network = LinearNet(4, bands=10, blocks=SLOW)
+    inputs, labels = slow_recordings(1)
+    network.fit(inputs, labels)
+    del network.head.scores._modules["odd"]
+    loaded = pickle.loads(pickle.dumps(network.eval()))
+    assert not loaded.head.scores.odd.in_use
+    found = [int(loaded(x[None]).argmax(dim=1)) for x in inputs]
+    assert found == labels.tolist()
+
+
+def test_fragments_of_single_recordings_tell_no_strength():
+    inputs, labels = slow_recordings(1)
+    network = LinearNet(4, bands=10, blocks=SLOW)
+    network.fit([torch.cat(inputs[label::4], dim=2) for label in range(4)], labels[:4])
+    assert network.head.scores.gainless.in_use
+    assert not network.head.scores.odd.in_use
 
 
 def test_what_levels_alone_tell_is_told_by_them_at_any_strength():

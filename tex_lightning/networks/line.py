@@ -17,6 +17,7 @@ BLOCK = 512  # positions that are scored at once
 APART = 6.0  # deviations of strength, over the root of the rows, beyond the weakest and strongest
 SUFFICES = 0.75  # of the left-out rows that are right with levels, for scores without
 CHANCE = 0.25  # of the root of that number may be missing: about half a standard error
+TOLD = 0.1  # of the mean squared length of a row: ridge of the strength that other features tell
 SHORT, GAINLESS = "short", "gainless"  # names of the scores of other recordings
 REACH = 3.0  # times the squared length of a usual row, up to which scores are taken as they are
 
@@ -105,19 +106,80 @@ class GainlessLine(FittedLater):
             "limits": torch.stack((strengths.min() - margin, strengths.max() + margin)),
         })  # fmt: skip
 
-    def forward(self, inside: Tensor, mean: Tensor, usual: Tensor) -> Tensor:
+    def forward(self, inside: Tensor, mean: Tensor, usual: Tensor, is_odd: Tensor) -> Tensor:
         """Return the class scores (B, classes, M, N), of usual recordings the usual ones.
 
         Args:
             inside: Features (B, D, M, N) that passed the gate.
             mean: (B, D, 1) of all fragments of the recording before the gate.
             usual: Usual scores of the same.
+            is_odd: (B,) where neither is to be trusted alone; their mean is taken.
         """
         strength = mean.flatten(1) @ self.direction
         far = (strength < self.limits[0]) | (strength > self.limits[1])
-        if is_at_hand(mean) and not far.any():
+        if is_at_hand(mean) and not (far | is_odd).any():
             return usual
-        return torch.where(far[:, None, None, None], weighed(inside, self.weight, self.bias), usual)
+        others = weighed(inside, self.weight, self.bias)
+        odd = torch.where(is_odd[:, None, None, None], (others + usual) / 2, usual)
+        return torch.where(far[:, None, None, None], others, odd)
+
+
+class OddStrength(FittedLater):
+    """Tell recordings whose strength is not what their other features tell.
+
+    Materials differ in strength, so that another gain seldom leaves the range of all of them. But
+    what no gain changes tells the material, and with it how strong it usually is; not where that
+    lies farther out than all of the training.
+
+    Attributes:
+        direction: (D,) whose product with the mean features is their strength, less what is told.
+        most: The largest such difference () of a training recording, in either direction, when the
+            others told it.
+        share: Of each feature in the squared length of those that tell it (D,).
+        longest: The largest such length () of a training recording.
+    """
+
+    direction: Tensor
+    most: Tensor
+    share: Tensor
+    longest: Tensor
+
+    def __init__(self, bands: int) -> None:
+        super().__init__(direction=(bands,), most=(), share=(bands,), longest=())
+
+    def fit(self, strength: Tensor, other: Line, rows: Tensor, block_scale: Tensor) -> None:
+        """Tell strength by a ridge regression on the features of the line without gain.
+
+        Args:
+            strength: (D,) whose product with a row is its strength.
+            other: The line of the features that no gain changes, which are the first.
+            rows: (rows, D) standardised rows, one a recording.
+            block_scale: (D,), as of a LinearNet.
+        """
+        scale = block_scale[: len(other.weights)] * other.weights.any(dim=1)
+        some, parts = other.left_out.numbers, other.left_out.parts
+        features, values = rows[some, : len(scale)] * scale, rows[some] @ strength
+        gram = features @ features.T
+        gram.diagonal().add_((TOLD * gram.diagonal().mean()).clamp_min(1e-9))
+        inverse = torch.linalg.inv(gram)
+        dual, most = inverse @ values, values.new_zeros(())
+        for part in {*parts[parts >= 0].tolist()}:  # what is left when they are left out
+            out = parts == part
+            left = torch.linalg.solve(inverse[out][:, out], dual[out])
+            most = torch.maximum(most, left.abs().max())
+        told, share = torch.zeros_like(strength), torch.zeros_like(strength)
+        told[: len(scale)], share[: len(scale)] = dual @ features * scale, scale.square()
+        longest = (rows.square() @ share).amax()
+        learnt = strength - told, most, share, longest
+        self.take(dict(zip(self.names, learnt, strict=True)))
+
+    def forward(self, mean: Tensor) -> Tensor:
+        """Return which recordings (B,) of mean features (B, D, 1) are so; none if not in use."""
+        if not self.in_use:
+            return torch.zeros(len(mean), dtype=torch.bool, device=mean.device)
+        features = mean.flatten(1)
+        is_usual = features.square() @ self.share <= self.longest
+        return is_usual & ((features @ self.direction).abs() > self.most)
 
 
 class ScoreReach(FittedLater):
@@ -164,9 +226,9 @@ class LineOrPlanes(nn.Sequential):
 
     A recording that is unlike all in training is moved to their ``range``, and the gate takes out
     what is out of range in it. Then ``planes`` score it, if they are in use. If not, the layer
-    does, or that of ``short`` recordings, or that of another gain (``gainless``); and scores beyond
-    the ``reach`` of the training are brought nearer to each other. The names of the parts are those
-    of checkpoints.
+    does, or that of ``short`` recordings, or that of another gain (``gainless``), or its mean with
+    that where the strength is ``odd``; and scores beyond the ``reach`` of the training are brought
+    nearer to each other. The names of the parts are those of checkpoints.
 
     Args:
         gate: Takes features out that are out of range.
@@ -177,6 +239,7 @@ class LineOrPlanes(nn.Sequential):
     planes: ClassPlanes
     short: ShortLine
     gainless: GainlessLine
+    odd: OddStrength
     reach: ScoreReach
 
     def __init__(self, gate: RangeGate, layer: nn.Conv2d) -> None:
@@ -184,7 +247,15 @@ class LineOrPlanes(nn.Sequential):
         sizes = count, bands
         parts = [("0", gate), ("range", FeatureRange(bands)), ("planes", ClassPlanes(*sizes))]
         parts += [(SHORT, ShortLine(*sizes)), (GAINLESS, GainlessLine(*sizes))]
+        parts += [("odd", OddStrength(bands))]
         super().__init__(OrderedDict([*parts, ("reach", ScoreReach(bands)), ("1", layer)]))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take the state of a pickle; older ones know no odd strength."""
+        super().__setstate__(state)  # type: ignore[no-untyped-call]  # no annotation
+        if "odd" not in self._modules:
+            layer = cast(nn.Conv2d, self._modules.pop("1"))  # which stays the last
+            self._modules |= {"odd": OddStrength(layer.in_channels), "1": layer}
 
     def forget(self) -> None:
         """Use nothing beside gate and layer."""
@@ -220,7 +291,7 @@ class LineOrPlanes(nn.Sequential):
             return cast(Tensor, self.planes(inside))
         scores: Tensor = self.short(inside, self.layer, count)
         if self.gainless.in_use and not self.training:
-            scores = self.gainless(inside, mean, scores)
+            scores = self.gainless(inside, mean, scores, self.odd(mean))
         if not is_bounded:
             return scores
         within: Tensor = self.reach(scores[:, :, :-1, 0], inside[:, :, -1, 0])

@@ -239,6 +239,9 @@ class LinearNet(nn.Module):
             return
         if gainless:
             scores.gainless.fit(line, gainless, rows, self.block_scale)
+            if whole and scores.gainless.in_use:
+                strength = scores.gainless.direction.to(rows)
+                scores.odd.fit(strength, gainless, rows, self.block_scale)
         if not self.level_features:  # which tell much by their range
             self._fit_range(examples, rows, short)
         if self.cuts and short:
