@@ -233,6 +233,7 @@ class ProportionsGraph(nn.Module):
             start = traced_start(trace, features.sampling_rate)
             trace = movement(trace, start, features.min_samples)
             trace = without_rests(trace, features.sampling_rate, features.min_samples)
+        trace = features.array(trace)
         samples, trace = trace.shape[-1], features.filled(trace)
         centred = trace - trace.mean(dim=-1, keepdim=True)
         responses = []

@@ -34,7 +34,7 @@ class RunningProportionsVote(RunningVote):
         self.first, self.sum = 0, torch.zeros(())
 
     def _gain(self, beginning: Tensor) -> Tensor | float:
-        return self.features.gravity.gain(beginning)
+        return self.features.gain(beginning)
 
     def _go_on(self, settled: MarkedSignal, rest: MarkedSignal) -> Vote:
         more, ahead = settled.movement, rest.movement

@@ -15,6 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
+from tex_lightning.senses.features.array_gain import ArrayGain
 from tex_lightning.senses.features.gravity import GravityGain
 from tex_lightning.senses.features.moments import Moments
 from tex_lightning.senses.features.movement import block_length, moving
@@ -66,7 +67,8 @@ class BandProportions(nn.Module):
       a logarithm too, so that a gain becomes a constant.
 
     Where gravity tells that an accelerometer has another gain or unit, that is taken back
-    (:class:`~tex_lightning.senses.features.gravity.GravityGain`).
+    (:class:`~tex_lightning.senses.features.gravity.GravityGain`), and so is another gain of an
+    array of pressures (:class:`~tex_lightning.senses.features.array_gain.ArrayGain`).
 
     Args:
         sampling_rate: Rate of the signals in Hz.
@@ -140,7 +142,7 @@ class BandProportions(nn.Module):
         self.register_buffer("deviation", torch.ones(self.levels))
         self.register_buffer("unit", torch.ones(self.levels))
         self.register_buffer("detrends", torch.zeros((), dtype=torch.bool))
-        self.gravity = GravityGain(self.levels)
+        self.gravity, self.array = GravityGain(self.levels), ArrayGain(self.levels)
         self._note_learnt()
         loaded: Any = self.register_load_state_dict_post_hook  # it has no annotations
         loaded(BandProportions._note_learnt)
@@ -195,7 +197,15 @@ class BandProportions(nn.Module):
         if self.skip_impact:
             trace = moving(trace, self.sampling_rate)
         self.check_length(trace)
+        trace = self.array(trace)
         return trace
+
+    def gain(self, trace: Tensor) -> Tensor | float:
+        """Return by what each channel of a trace (axes, samples) is multiplied, (axes, 1) or ()."""
+        gravity = self.gravity.gain(trace)
+        if self.array.in_use and self.skip_impact:
+            trace = moving(trace, self.sampling_rate)
+        return gravity * self.array.gain(trace)
 
     def check_length(self, trace: Tensor) -> None:
         """Reject a movement (axes, samples) likewise."""
@@ -226,6 +236,7 @@ class BandProportions(nn.Module):
         for window in self.windows:
             window.usual.forget()
         self.gravity.take(None)
+        self.array.take(None)
         held, samples = self._held(traces[number] for number in chosen)
         lengths = torch.tensor([window.length for window in self.windows])
         least = WINDOWS_IN_SLOW if self.levels else WINDOWS_IN_RECORDING
@@ -272,12 +283,13 @@ class BandProportions(nn.Module):
         super()._load_from_state_dict(state, prefix, *rest)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Take the state of a pickle; older ones know no units."""
+        """Take the state of a pickle; older ones know no units and no gain of an array."""
         super().__setstate__(state)  # type: ignore[no-untyped-call]  # no annotation
         self._buffers.setdefault("unit", torch.ones(self.levels))
+        self._modules.setdefault("array", ArrayGain(self.levels))
 
     def _learn_levels(self, movements: Callable[[], Iterator[Tensor]]) -> None:
-        """Find which channels are positive, the usual deviation of each, and gravity."""
+        """Find which channels are positive, the usual deviation of each, and what tells gain."""
         measured = [
             ((x > 0).all(dim=-1), x.std(dim=-1, correction=0), x.mean(dim=-1)) for x in movements()
         ]
@@ -287,6 +299,7 @@ class BandProportions(nn.Module):
         self.deviation.copy_(torch.where(deviation > 0, deviation, torch.ones_like(deviation)))
         self.unit.copy_(self.deviation)  # else what hardly varies would depend on that of the file
         self.gravity.fit(means, self.positive)
+        self.array.fit(means, self.positive)
 
     def forward(self, trace: Tensor) -> Tensor:
         """Map a trace (axes, samples) to features (1, 1, D, fragments).
