@@ -2,8 +2,10 @@
 
 import pkgutil
 import sys
+from collections.abc import Collection
 from concurrent.futures import ProcessPoolExecutor
 from importlib import import_module
+from inspect import signature
 from multiprocessing import get_context
 from typing import Any
 
@@ -28,6 +30,11 @@ def _is_public(found: pkgutil.ModuleInfo) -> bool:
     return not found.name.startswith("_")
 
 
+def takes(name: str) -> Collection[str]:
+    """Options of a benchmark."""
+    return signature(import_module(f"benchmarks.{name}").measure).parameters
+
+
 def rows(result: dict[str, Any]) -> list[tuple[str, str]]:
     """Names and values of a result's figures, ratios first."""
     if "not_run" in result:
@@ -49,7 +56,7 @@ def main(arguments: list[str]) -> int:
     """Run the benchmarks named, or all but the long ones; ``--help`` says what each does.
 
     ``--KEY=VALUE`` is for those that have such an option. The exit status is 2 for a name that
-    there is not.
+    there is not, or an option that none of the named has.
     """
     given = [item.removeprefix("--").partition("=") for item in arguments if item.startswith("--")]
     options = {key: value for key, _, value in given}
@@ -64,13 +71,19 @@ def main(arguments: list[str]) -> int:
         for name in chosen or names():
             print(f"{name}\n\n{import_module(f'benchmarks.{name}').__doc__}")
         return 0
+    chosen = chosen or [each for each in names() if each not in LONG]
+    of_each = {name: takes(name) for name in chosen}
+    if unread := [key for key in options if not any(key in each for each in of_each.values())]:
+        print(f"Error: {', '.join(chosen)} takes no option --{unread[0]}; see --help.")
+        return 2
     table = Table(title="benchmarks")
     for heading in ("benchmark", "figure"):
         table.add_column(heading)
     table.add_column("value", justify="right")
     with ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1) as pool:
-        for name in chosen or [each for each in names() if each not in LONG]:
-            found = pool.submit(run_one, name, options).result()
+        for name in chosen:
+            own = {key: value for key, value in options.items() if key in of_each[name]}
+            found = pool.submit(run_one, name, own).result()
             for place, (key, value) in enumerate(rows(found)):
                 table.add_row(name if place == 0 else "", key, value)
             table.add_section()

@@ -30,6 +30,8 @@ def test_every_module_but_the_runner_is_a_benchmark(capsys):
     assert not any(name.startswith("_") for name in runner.names())
     assert runner.main(["speeed"]) == 2
     assert "There is no benchmark speeed; choose from" in capsys.readouterr().out
+    assert runner.main(["engine", "--thread=1"]) == 2
+    assert "Error: engine takes no option --thread; see --help." in capsys.readouterr().out
 
 
 TABLE = """
