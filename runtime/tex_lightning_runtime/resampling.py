@@ -183,7 +183,8 @@ def resample_poly(x: Array, up: int, down: int) -> Array:
 
 def _padded(x: Array, lead: int, length: int) -> Array:
     """Return ``length`` samples, ``lead`` before the first of ``x``; both ends go on."""
-    return np.take(x, np.arange(-lead, length - lead).clip(0, x.shape[1] - 1), axis=1)
+    kept = x[:, : length - lead]
+    return np.pad(kept, ((0, 0), (lead, length - lead - kept.shape[1])), mode="edge")
 
 
 @lru_cache(maxsize=8)
