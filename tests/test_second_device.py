@@ -26,6 +26,7 @@ from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.stream import LiveStream
 from tex_lightning.learning.finish import refit_scores
 from tex_lightning.networks.trunks import TRUNKS
+from tex_lightning.senses.features.array_gain import ArrayGain
 
 PAPER = {"axes": "trace", "scale": "linear", "normalisation": "paper", "norm": "lrn"}
 CARDS = {
@@ -140,6 +141,16 @@ def test_fc3_is_refitted_there_though_the_device_has_no_float64():
         layers.append([x.detach().cpu() for x in classifier.network.score_layer.parameters()])
     for near, far in zip(*layers, strict=True):
         torch.testing.assert_close(far, near)
+
+
+def test_what_tells_the_gain_of_an_array_is_fitted_there_though_the_device_has_no_float64():
+    means = torch.rand(40, 1) ** torch.tensor([0.6, 1.0, 1.4, 0.8])
+    near, far = ArrayGain(4), ArrayGain(4).to(stand_in.register())
+    for array, device in ((near, "cpu"), (far, stand_in.register())):
+        array.fit(means.to(device), torch.ones(4, dtype=torch.bool, device=device))
+    trace = 3 * means[0, :, None].repeat(1, 50)
+    assert near.gain(trace) < 0.5
+    torch.testing.assert_close(far.gain(trace.to(far.weights.device)).cpu(), near.gain(trace))
 
 
 class Pooled(torch.nn.Module):

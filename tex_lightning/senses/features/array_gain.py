@@ -13,7 +13,7 @@ ARRAY = 4  # channels, of which fewer are axes
 LEAST = 20  # recordings; fewer do not tell how strength and pattern go together
 RIDGE = 0.01  # of the mean squared length of a pattern
 SURE = 0.15  # deviation of the logarithm of the strength that is told, in training
-OTHER = 0.1  # of that logarithm, as of a gain of 1.2, from which on it may be a gain
+OTHER = 0.1  # of that logarithm, as of a gain of 1.1, from which on it may be a gain
 BEYOND = 4.0  # deviations in training, from which on it is one
 
 log = logging.getLogger(__name__)
@@ -59,24 +59,25 @@ class ArrayGain(FittedLater):
         count, channels = means.shape
         if count < LEAST or channels < ARRAY or not positive.all():
             return
-        logs = means.double().log()
+        logs = means.cpu().double().log()  # some devices have no float64
         strength, pattern = _parts(logs)
         usual, middle = pattern.mean(dim=0), strength.mean()
         rows = pattern - usual
-        gram = rows @ rows.T
-        gram.diagonal().add_(RIDGE * gram.diagonal().mean() + torch.finfo(gram.dtype).tiny)
-        inverse = torch.linalg.inv(gram)
-        dual = inverse @ (strength - middle)
-        left = dual / inverse.diagonal()  # what is left when a recording is left out
+        squares = rows.square().sum(dim=1)
+        scatter = rows.T @ rows
+        scatter.diagonal().add_(RIDGE * squares.mean() + torch.finfo(rows.dtype).tiny)
+        solved = torch.linalg.solve(scatter, rows.T)
+        told = solved @ (strength - middle)  # sums to 0, as patterns do
+        leverage = (rows * solved.T).sum(dim=1)
+        left = (strength - middle - rows @ told) / (1 - leverage)  # by the other recordings
         if left.std() > SURE:
             return
-        told = rows.T @ dual  # sums to 0, as patterns do
         self.take({
             "weights": torch.full_like(told, 1 / channels) - (told - told.mean()),
             "offset": usual @ told - middle,
             "limit": (BEYOND * left.std()).clamp_min(OTHER),
             "usual": usual,
-            "longest": rows.square().sum(dim=1).max(),
+            "longest": squares.max(),
         })  # fmt: skip
 
     def forward(self, trace: Tensor) -> Tensor:
