@@ -72,8 +72,7 @@ def main(arguments: list[str]) -> int:
             print(f"{name}\n\n{import_module(f'benchmarks.{name}').__doc__}")
         return 0
     chosen = chosen or [each for each in names() if each not in LONG]
-    of_each = {name: takes(name) for name in chosen}
-    if unread := [key for key in options if not any(key in each for each in of_each.values())]:
+    if unread := [key for key in options if not any(key in takes(name) for name in chosen)]:
         print(f"Error: {', '.join(chosen)} takes no option --{unread[0]}; see --help.")
         return 2
     table = Table(title="benchmarks")
@@ -82,7 +81,7 @@ def main(arguments: list[str]) -> int:
     table.add_column("value", justify="right")
     with ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1) as pool:
         for name in chosen:
-            own = {key: value for key, value in options.items() if key in of_each[name]}
+            own = {key: value for key, value in options.items() if key in takes(name)}
             found = pool.submit(run_one, name, own).result()
             for place, (key, value) in enumerate(rows(found)):
                 table.add_row(name if place == 0 else "", key, value)

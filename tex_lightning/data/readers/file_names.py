@@ -197,7 +197,7 @@ def shared_part(paths: Sequence[Path], labels: Sequence[str]) -> tuple[list[str]
             if rank is not None and _recur(names, own_labels, level):
                 tokens = [values[0] if _are_one(values) else "*" for values in levels]
                 tokens[at] = "{group}"
-                found.append((rank, level, [*alike], mark.join(tokens)))
+                found.append((rank, level, alike, mark.join(tokens)))
     if not found:
         return None
     _, level, alike, pattern = min(found, key=itemgetter(0))
